@@ -1,1 +1,3 @@
 //! omni-sim
+pub mod building;
+pub mod mesh;
