@@ -1,1 +1,4 @@
 //! mission
+#![allow(missing_docs)]
+pub mod journal;
+pub mod openai;

@@ -1,0 +1,14 @@
+//! What can go wrong when a mission is set up.
+
+use thiserror::Error;
+
+/// Why a mission cannot start.
+#[derive(Debug, Error)]
+pub enum MissionError {
+    /// The volume's settings contradict each other.
+    #[error("the map cannot be set up: {0}")]
+    Volume(#[from] volumetric_map::ConfigError),
+    /// There is nothing to do in the instruction.
+    #[error("the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\"")]
+    EmptyInstruction,
+}
