@@ -35,18 +35,27 @@ pub struct Referee<'a> {
     world: &'a World,
     robot: RobotTruth,
     floor: TrueFloor,
+    /// The same with everything from the floor up as an obstacle.
+    ground: TrueFloor,
 }
 
 impl<'a> Referee<'a> {
     /// Looks at one storey of the building.
     pub fn new(building: &'a Building, world: &'a World, robot: RobotTruth, storey: u32) -> Self {
         let floor = TrueFloor::new(building, storey, robot.solid_m.0, robot.solid_m.1);
-        Self { building, world, robot, floor }
+        let ground = TrueFloor::new(building, storey, 0.05, robot.solid_m.1);
+        Self { building, world, robot, floor, ground }
     }
 
     /// The floor with its clearance.
     pub fn floor(&self) -> &TrueFloor {
         &self.floor
+    }
+
+    /// Whether nothing stands on the floor within `radius_m` of a cell, from the floor up to the robot's top: where it can
+    /// be put down.
+    pub fn stands_free(&self, cell: usize, radius_m: f64) -> bool {
+        self.ground.clearance_m(cell) >= radius_m
     }
 
     /// Cells from which the object is seen as a view point demands.
@@ -76,7 +85,7 @@ impl<'a> Referee<'a> {
     }
 
     /// Whether a camera over `at` has an unblocked ray to the object.
-    fn sees_from(&self, at: &Point2<f64>, object: &ObjectTruth) -> bool {
+    pub fn sees_from(&self, at: &Point2<f64>, object: &ObjectTruth) -> bool {
         self.robot.camera_heights_m.iter().any(|height_m| {
             self.sees(&Point3::new(at.x, at.y, self.floor.floor_z_m + height_m), object)
         })

@@ -85,7 +85,7 @@ pub fn floor_distance_m(bounds: &Aabb, point: &Point2<f64>) -> f64 {
 
 /// The last free point on the way from the eye to the aim: where the line enters the box, and a voxel before it, or the
 /// thing would hide itself.
-fn in_front_of(eye: &Point3<f64>, aim: &Point3<f64>, bounds: &Aabb) -> Point3<f64> {
+pub(crate) fn in_front_of(eye: &Point3<f64>, aim: &Point3<f64>, bounds: &Aabb) -> Point3<f64> {
     const MARGIN_M: f64 = 0.12;
     let direction = aim - eye;
     let length_m = direction.norm();

@@ -1,7 +1,7 @@
 //! On the ground: from a goal to velocities. The route follows the map, the local policy follows what the last scans show.
 
 use nalgebra::{Isometry3, Point2, Vector3};
-use planner::{LocalPolicy, LocalPolicyConfig, LocalStatus};
+use planner::{LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus};
@@ -10,6 +10,8 @@ use crate::stream::Command;
 
 /// Standing blocked so long is one failed attempt.
 const PATIENCE_S: f64 = 4.0;
+/// A heading this near is met.
+const TURNED_RAD: f64 = 0.12;
 
 /// Drives a ground robot to one goal after another.
 pub struct Drive {
@@ -34,20 +36,20 @@ pub struct DriveConfig {
 
 impl Drive {
     /// Limits, footprint and margins of this robot.
-    pub fn new(robot: &RobotModel, config: DriveConfig) -> Self {
+    pub fn new(robot: &RobotModel, config: DriveConfig) -> Result<Self, LocalPolicyError> {
         let limits = &robot.limits;
         let policy = LocalPolicy::new(LocalPolicyConfig {
             max_speed_mps: limits.max_speed_mps,
-            max_reverse_mps: limits.max_reverse_mps,
-            max_lateral_mps: limits.max_lateral_speed_mps,
+            max_reverse_speed_mps: limits.max_reverse_speed_mps,
+            max_lateral_speed_mps: limits.max_lateral_speed_mps,
             max_yaw_rate_radps: limits.max_yaw_rate_radps,
             max_accel_mps2: limits.max_accel_mps2,
             max_yaw_accel_radps2: limits.max_yaw_accel_radps2,
             footprint: robot.footprint.clone(),
             period_s: config.period_s,
             ..LocalPolicyConfig::default()
-        });
-        Self {
+        })?;
+        Ok(Self {
             policy,
             goal: Goal::Stay,
             path: Vec::new(),
@@ -56,7 +58,7 @@ impl Drive {
             blocked_s: 0.0,
             clearance_m: f64::INFINITY,
             config,
-        }
+        })
     }
 
     /// Takes a new goal; the old one is forgotten.
@@ -127,11 +129,21 @@ impl Drive {
                 }
                 (self.path.clone(), *heading_rad)
             }
-            (Goal::Turn { heading_rad }, GoalStatus::Underway) => (vec![here], Some(*heading_rad)),
+            (Goal::Turn { heading_rad }, GoalStatus::Underway) => {
+                if wrap(heading_rad - yaw_rad).abs() < TURNED_RAD {
+                    self.status = GoalStatus::Arrived;
+                }
+                (Vec::new(), Some(*heading_rad))
+            }
             _ => (Vec::new(), None),
         };
-        let pose = Vector3::new(at.x, at.y, yaw_rad);
-        let local = self.policy.command(&pose, &velocity, &path, heading, obstacles);
+        let local = self.policy.command(
+            (at.x, at.y, yaw_rad),
+            (velocity.x, velocity.y, velocity.z),
+            &path,
+            heading,
+            obstacles,
+        );
         self.clearance_m = local.clearance_m;
         if self.status == GoalStatus::Underway {
             match local.status {
@@ -158,4 +170,10 @@ impl Drive {
         }
         Command::Velocity { forward_mps: local.vx, left_mps: local.vy, yaw_rate_radps: local.yaw_rate }
     }
+}
+
+/// An angle in (-pi, pi].
+fn wrap(angle_rad: f64) -> f64 {
+    let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
+    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
 }

@@ -8,6 +8,7 @@ use planner::{AirConfig, AirPlan, FlightState, plan_air};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus};
+use crate::navigation::NavigationMap;
 use crate::stream::{Command, FlightSetPoint};
 
 /// Climb and descent.
@@ -136,6 +137,15 @@ impl Fly {
     /// Distance from the robot's ball to the nearest obstacle of the map at the last command.
     pub fn clearance_m(&self) -> f64 {
         self.clearance_m
+    }
+
+    /// Where the goal can be reached in the plane of flight: itself, or a point within its tolerance.
+    pub fn reachable_target(&self, navigation: &NavigationMap, here: &Point2<f64>) -> Option<Point2<f64>> {
+        let Goal::Reach { target, tolerance_m, .. } = self.goal else { return None };
+        if navigation.lengths_from(here, &[target])[0].is_some() {
+            return Some(target);
+        }
+        navigation.nearest_reachable(here, &target).filter(|(_, off_m)| *off_m <= tolerance_m).map(|(point, _)| point)
     }
 
     /// Plans anew on a fresh map: for a new goal, or because the old plan is no longer free. `target` is where the goal

@@ -123,6 +123,11 @@ impl NavigationMap {
         }
     }
 
+    /// Radius of the robot's circle with its margin.
+    pub fn clearance_m(&self) -> f64 {
+        self.clearance_m
+    }
+
     /// Whether the robot's circle is free at `point`.
     pub fn fits(&self, point: &Point2<f64>) -> bool {
         self.graph.as_ref().is_some_and(|graph| graph.clearance_at(point) >= self.clearance_m)

@@ -326,6 +326,11 @@ impl WorldModel {
         })
     }
 
+    /// Points on surfaces in a box, as exact as the mesh: what a corridor must keep clear of.
+    pub fn surface_points(&self, low: &Point3<f64>, high: &Point3<f64>) -> Vec<Point3<f64>> {
+        self.volume.surface_points(low, high)
+    }
+
     /// Name of each label id that the volume carries.
     pub fn label_names(&self) -> BTreeMap<u16, String> {
         self.label_ids.iter().map(|(name, id)| (*id, name.clone())).collect()
