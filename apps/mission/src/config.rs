@@ -41,7 +41,7 @@ pub struct MissionConfig {
     /// for 1.0 m, the rest is for odometry drift and the box.
     pub stop_distance_m: f64,
     /// Critiques before the embedded reasoner takes a step, default 3.
-    pub max_retries: u32,
+    pub max_retries: usize,
     /// Height at which the aerial robot flies, above the floor, default 1.2 m.
     pub flight_height_m: f64,
     /// Obstacles of the last scans are kept for this long, default 1.1 s: one turn of the LiDAR's motor shows all sides.

@@ -90,6 +90,18 @@ impl Coverage {
         }
     }
 
+    /// Marks everything free in `slice` as inspected: it was, another day.
+    pub fn know(&mut self, slice: &OccupancyGrid) {
+        for iy in 0..slice.height {
+            for ix in 0..slice.width {
+                if slice.get(ix, iy) == Cell::Free {
+                    let cell = self.cell_of(&slice.center(ix, iy));
+                    self.inspected.insert(cell);
+                }
+            }
+        }
+    }
+
     /// Never offers the patch round `at` again: nobody can get there.
     pub fn give_up(&mut self, at: &Point2<f64>) {
         let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;

@@ -8,6 +8,9 @@ pub enum MissionError {
     /// The volume's settings contradict each other.
     #[error("the map cannot be set up: {0}")]
     Volume(#[from] volumetric_map::ConfigError),
+    /// The settings of the places contradict each other.
+    #[error("the places cannot be set up: {0}")]
+    Places(#[from] volumetric_map::PlaceConfigError),
     /// The robot's limits or footprint make no sense for driving.
     #[error("this robot cannot be driven: {0}")]
     Drive(#[from] planner::LocalPolicyError),

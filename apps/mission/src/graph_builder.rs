@@ -31,20 +31,35 @@ pub struct GraphBuilder {
 }
 
 impl GraphBuilder {
+    /// Takes the places of a loaded graph away: the skeleton and the frontiers of this map come anew with the first refresh.
+    pub fn forget_frontiers(&mut self, graph: &mut SceneGraph) {
+        let removed = graph.places().map(|place| place.id).collect();
+        let _ = dsg::update_places(graph, &PlaceUpdate { removed, ..PlaceUpdate::default() });
+        self.frontiers.clear();
+    }
+
     /// Layer 2: objects from one labelled image, seen from `eye`. Things that should have been in it and were not are
     /// looked at again, and forgotten after a while.
-    pub fn observe(&mut self, graph: &mut SceneGraph, evidence: &[ObjectEvidence], eye: &Point3<f64>, volume: &Volume) {
+    pub fn observe(
+        &mut self,
+        graph: &mut SceneGraph,
+        now_ns: i64,
+        evidence: &[ObjectEvidence],
+        eye: &Point3<f64>,
+        volume: &Volume,
+    ) {
         const LOOK_RANGE_M: f64 = 3.5;
-        let Ok(report) = dsg::observe_objects(graph, evidence, &self.association) else { return };
-        let seen: Vec<dsg::ObjectId> = report.object_of.iter().flatten().copied().collect();
+        if dsg::observe_objects(graph, evidence, &self.association).is_err() {
+            return;
+        }
         let looked_at = |object: &dsg::Object| -> Option<bool> {
-            if seen.contains(&object.id) || (object.centroid - eye).norm() > LOOK_RANGE_M {
+            if (object.centroid - eye).norm() > LOOK_RANGE_M {
                 return None;
             }
             is_visible(eye, &object.bounds, volume).then(|| is_empty(&object.bounds, volume))
         };
         // A refusal would leave the graph as it was; the next image tries again.
-        let _ = dsg::forget_ghosts(graph, &looked_at, &self.association);
+        let _ = dsg::forget_ghosts(graph, now_ns, &looked_at, &self.association);
     }
 
     /// Layers 3 to 5, relations and groups.
@@ -68,7 +83,7 @@ impl GraphBuilder {
             LineOfSight::Blocked { at } => Some(at),
             LineOfSight::Clear | LineOfSight::Unknown { .. } => None,
         };
-        let _ = dsg::update_relations(graph, &blocked, &dsg::geometric_score, &self.relations);
+        let _ = dsg::update_relations(graph, &blocked, &|_, _, _| 1.0, &self.relations);
         let _ = dsg::update_groups(graph, &self.groups);
         self.add_pose(graph, odometry);
     }

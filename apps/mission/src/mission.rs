@@ -68,6 +68,8 @@ pub struct Mission {
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<String>,
     pub(crate) step_index: usize,
+    /// Decisions in a row without an accepted action.
+    pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
 }
@@ -113,6 +115,7 @@ impl Mission {
             interest: Vec::new(),
             nouns: instruction.nouns(),
             step_index: 0,
+            unsure: 0,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
             config,
@@ -132,6 +135,11 @@ impl Mission {
     /// A person wants the robot to stop: it holds, or comes down where it is.
     pub fn interrupt(&mut self) {
         self.is_interrupted = true;
+    }
+
+    /// Whether a person stopped it.
+    pub fn is_interrupted(&self) -> bool {
+        self.is_interrupted
     }
 
     /// Whether nothing is left to do: an outcome, or stopped by a person and at rest.

@@ -8,8 +8,9 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use octant_prompt::{
-    Action, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation, SymbolicReasoner,
-    Estimate, build_prompt, decide_with_critic,
+    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation,
+    SymbolicReasoner,
+    Estimate, TokenCounter, build_prompt_for, decide_with_critic,
 };
 
 use crate::approach::{floor_distance_m, stand_before};
@@ -91,8 +92,7 @@ impl Snapshot {
                 camera_height_m: self.camera_height_m,
                 ..config.prompt.clone()
             };
-            let prompt =
-                build_prompt(&self.graph, &self.world_from_body, &self.instruction.text, &prompt_config, &Estimate);
+            let prompt = build_prompt_for(situation, &prompt_config, &Estimate);
             let record = decide_with_critic(
                 reasoner,
                 critic,
@@ -275,10 +275,21 @@ impl Mission {
             },
         };
         let Some(now) = self.snapshot() else { return };
-        let action = answer.record.action.clone();
-        let verdict = now.with_situation(|situation| self.critic.check(&action, situation, answer.prompt.revision));
         let mut entry = self.entry(t_s, asked_s, revision, pose, &answer);
         entry.verdict_revision = now.graph.revision();
+        let Some(action) = answer.record.reply.as_ref().map(|reply| reply.action.clone()) else {
+            entry.verdicts.push("no proposal was accepted; the robot holds".into());
+            self.journal.decisions.push(entry);
+            self.unsure += 1;
+            const PATIENCE: u32 = 20;
+            if self.unsure >= PATIENCE {
+                let reason = "No action passed the critic any more, so the search is over.".into();
+                self.finish(Outcome::GaveUp { reason });
+            }
+            return;
+        };
+        self.unsure = 0;
+        let verdict = now.with_situation(|situation| self.critic.check(&action, situation, answer.prompt.revision));
         match verdict {
             Ok(()) => {
                 entry.verdicts.push("accepted".into());
@@ -435,6 +446,14 @@ impl Mission {
 
     fn entry(&self, t_s: f64, asked_s: f64, revision: u64, pose: [f64; 4], answer: &Answer) -> DecisionEntry {
         let record = &answer.record;
+        let reply = record.reply.as_ref();
+        // Each try of a model sends the prompt again; the embedded reasoner reads it once.
+        let sent = record.attempts.iter().filter(|attempt| attempt.by == record.attempts[0].by).count().max(1);
+        let received = |attempt: &Attempt| match &attempt.outcome {
+            Ok(reply) => (reply.text.clone(), reply.answer_tokens.unwrap_or_else(|| Estimate.count(&reply.text))),
+            Err(error) => (format!("({error})"), 0),
+        };
+        let replies: Vec<(String, usize)> = record.attempts.iter().map(received).collect();
         DecisionEntry {
             index: self.journal.decisions.len(),
             asked_s,
@@ -442,24 +461,24 @@ impl Mission {
             revision,
             verdict_revision: revision,
             step: self.step_index,
-            reasoner: record.reasoner.clone(),
+            reasoner: record.decided_by.clone(),
             prompt: answer.prompt.text.clone(),
-            prompt_tokens: record.prompt_tokens,
-            replies: record.replies.clone(),
-            answer_tokens: record.answer_tokens,
-            trace: record
-                .trace
-                .iter()
+            prompt_tokens: answer.prompt.tokens * sent,
+            answer_tokens: replies.iter().map(|(_, tokens)| tokens).sum(),
+            replies: replies.into_iter().map(|(text, _)| text).collect(),
+            trace: reply
+                .into_iter()
+                .flat_map(|reply| &reply.trace)
                 .map(|step| TraceEntry {
                     step: step.step.word().to_owned(),
                     input: step.input.clone(),
                     output: step.output.clone(),
                 })
                 .collect(),
-            action: record.action.text(&answer.prompt.names),
-            verdicts: record.critiques.iter().map(|critique| format!("rejected: {}", critique.message)).collect(),
+            action: reply.map_or_else(|| "hold".to_owned(), |reply| reply.action.text(&answer.prompt.names)),
+            verdicts: record.objections().map(|critique| format!("rejected: {}", critique.message)).collect(),
             is_fallback: record.is_fallback,
-            confidence: record.confidence,
+            confidence: reply.map_or(0.0, |reply| reply.confidence),
             pose,
         }
     }

@@ -38,6 +38,8 @@ struct RecentScan {
 pub struct Ignored {
     /// Points that were not finite, or older or younger than their scan.
     pub points: u64,
+    /// Encoder angles and odometry that were not finite or out of order.
+    pub samples: u64,
     /// Scans without odometry around them.
     pub scans: u64,
     /// Images without scans or odometry around them.
@@ -104,8 +106,8 @@ impl WorldModel {
             body_from_camera: robot.sensors.body_from_camera,
             solid_m: (body_height_m + low_m, body_height_m + high_m),
             robot: robot.clone(),
-            encoder: EncoderTrack::new(),
-            trajectory: Trajectory::new(),
+            encoder: EncoderTrack::rotating(0.0),
+            trajectory: Trajectory::default(),
             recent: VecDeque::new(),
             waiting: VecDeque::new(),
             obstacles: VecDeque::new(),
@@ -114,7 +116,7 @@ impl WorldModel {
             odometry: None,
             volume: Volume::new(config.volume.clone())?,
             field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
-            places: PlaceGraph::new(PlaceConfig::default()),
+            places: PlaceGraph::new(PlaceConfig::default())?,
             graph: SceneGraph::new(),
             rooms: None,
             slice: OccupancyGrid {
@@ -133,14 +135,32 @@ impl WorldModel {
         })
     }
 
+    /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
+    pub fn know(&mut self, known: crate::archive::Known) {
+        self.graph = known.graph;
+        self.volume = known.volume;
+        self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
+        self.slice =
+            self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
+        self.coverage.know(&self.slice);
+        self.builder.forget_frontiers(&mut self.graph);
+    }
+
     /// Takes one thing that the sensors said.
     pub fn see(&mut self, event: SensorEvent, clock: &mut StageClock) {
         match event {
             SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
-            SensorEvent::Encoder(sample) => self.encoder.push(sample),
+            SensorEvent::Encoder(sample) => {
+                if self.encoder.push(sample).is_err() {
+                    self.ignored.samples += 1;
+                }
+            }
             SensorEvent::Odometry(estimate) => {
-                self.trajectory.push(&estimate);
-                self.odometry = Some(estimate);
+                if self.trajectory.push(&estimate).is_ok() {
+                    self.odometry = Some(estimate);
+                } else {
+                    self.ignored.samples += 1;
+                }
             }
             SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
             SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
@@ -159,9 +179,8 @@ impl WorldModel {
             return;
         };
         self.ignored.points += straight.dropped.total() as u64;
-        let world_from_body = straight.world_from_body.cast::<f32>();
-        let points: Vec<Point3<f32>> = straight.points_in_body.iter().map(|point| world_from_body * point).collect();
-        let origin = straight.world_from_body * self.mount.body_from_stator * Point3::origin();
+        let points = straight.points_in_world();
+        let origin = straight.sensor_origin_in_world();
         let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
         if integrated.is_err() {
             self.ignored.updates += 1;
@@ -274,7 +293,7 @@ impl WorldModel {
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
         let eye = world_from_camera * Point3::origin();
-        clock.time("objects", || self.builder.observe(&mut self.graph, &evidence, &eye, &self.volume));
+        clock.time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
         self.coverage.look(&eye.xy(), &self.slice);
     }
 
