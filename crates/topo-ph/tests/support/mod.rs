@@ -11,8 +11,11 @@ pub fn value() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Values, edges and edge values of a graph with 0..=12 vertices.
-pub fn parts() -> impl Strategy<Value = (Vec<f64>, Vec<(u32, u32)>, Option<Vec<f64>>)> {
+/// Values, edges and edge values of a graph.
+pub type Parts = (Vec<f64>, Vec<(u32, u32)>, Option<Vec<f64>>);
+
+/// The parts of a graph with 0..=12 vertices.
+pub fn parts() -> impl Strategy<Value = Parts> {
     (0..=12_usize).prop_flat_map(|n| {
         let edge = (0..n.max(1) as u32, 0..n.max(1) as u32);
         let edges = prop::collection::vec(edge, 0..=if n < 2 { 0 } else { 24 });
