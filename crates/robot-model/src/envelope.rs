@@ -60,6 +60,10 @@ pub(crate) fn swept_shapes(
     angles: &[f64],
     discs: &[Disc],
 ) -> Vec<CollisionShape> {
+    let mut angle_of = vec![0.0; tree.joints().len()];
+    for (joint, angle) in tree.moving_joints().iter().zip(angles) {
+        angle_of[*joint] = *angle;
+    }
     let mut shapes = Vec::new();
     for (index, link) in tree.links().iter().enumerate() {
         let own = match discs.iter().find(|disc| disc.link == index) {
@@ -68,7 +72,7 @@ pub(crate) fn swept_shapes(
         };
         for (link_from_shape, geometry) in own {
             let (body_from_shape, geometry) =
-                swept_to_root(tree, angles, index, link_from_shape, geometry);
+                swept_to_root(tree, &angle_of, index, link_from_shape, geometry);
             shapes.push(CollisionShape {
                 link: link.name.clone(),
                 body_from_shape,
@@ -138,7 +142,7 @@ pub fn convex_hull(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
 /// Carries a shape from its link up to the root; a continuous joint on the way turns it into the cylinder it sweeps.
 fn swept_to_root(
     tree: &KinematicTree,
-    angles: &[f64],
+    angle_of: &[f64],
     link: usize,
     mut pose: Isometry3<f64>,
     mut geometry: Geometry,
@@ -146,14 +150,10 @@ fn swept_to_root(
     let mut at = link;
     while let Some(index) = tree.joint_above(at) {
         let joint = &tree.joints()[index];
-        let slot = tree
-            .moving_joints()
-            .iter()
-            .position(|moving| *moving == index);
         if joint.kind == JointKind::Continuous {
             (pose, geometry) = swept_cylinder(&geometry, &pose, &joint.axis);
         }
-        pose = joint.parent_from_child(slot.map_or(0.0, |slot| angles[slot])) * pose;
+        pose = joint.parent_from_child(angle_of[index]) * pose;
         at = joint.parent;
     }
     (pose, geometry)

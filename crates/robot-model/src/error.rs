@@ -54,6 +54,14 @@ pub enum ModelError {
     /// The robot has no link.
     #[error("the robot has no link")]
     NoLinks,
+    /// The robot has more links than are read.
+    #[error("the robot has {links} links; more than {limit} are not read")]
+    TooManyLinks {
+        /// Number of links.
+        links: usize,
+        /// Largest accepted number.
+        limit: usize,
+    },
     /// A joint names a link that does not exist.
     #[error("joint `{joint}` names the link `{link}`, which does not exist")]
     UnknownLink {

@@ -11,6 +11,9 @@ use crate::shape::Geometry;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 
+/// More links than any robot has; it bounds the work on a hostile file.
+pub const MAX_LINKS: usize = 10_000;
+
 /// How a joint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
@@ -95,6 +98,8 @@ pub struct KinematicTree {
     order: Vec<usize>,
     /// Indices of the joints that move, in the order of the URDF.
     moving: Vec<usize>,
+    /// For each link the joint above it.
+    above: Vec<Option<usize>>,
 }
 
 impl KinematicTree {
@@ -105,6 +110,12 @@ impl KinematicTree {
     pub fn new(links: Vec<Link>, joints: Vec<Joint>) -> Result<Self, ModelError> {
         if links.is_empty() {
             return Err(ModelError::NoLinks);
+        }
+        if links.len() > MAX_LINKS {
+            return Err(ModelError::TooManyLinks {
+                links: links.len(),
+                limit: MAX_LINKS,
+            });
         }
         refuse_duplicates("link", links.iter().map(|link| link.name.as_str()))?;
         refuse_duplicates("joint", joints.iter().map(|joint| joint.name.as_str()))?;
@@ -161,6 +172,7 @@ impl KinematicTree {
             root,
             order,
             moving,
+            above: joint_above,
         })
     }
 
@@ -201,7 +213,7 @@ impl KinematicTree {
 
     /// Index of the joint whose child is this link; `None` for the root.
     pub fn joint_above(&self, link: usize) -> Option<usize> {
-        self.joints.iter().position(|joint| joint.child == link)
+        self.above.get(link).copied().flatten()
     }
 
     /// Turns named angles into a list in the order of [`KinematicTree::moving_joints`]; joints not named stand at zero.

@@ -264,8 +264,27 @@ fn a_change_of_robot_changes_footprint_speed_and_sensors() {
         .collect();
     for (i, a) in models.iter().enumerate() {
         for b in &models[..i] {
-            let differs = (a.circumscribed_radius_m - b.circumscribed_radius_m).abs() > 0.005;
-            assert!(a.kind != b.kind || differs, "{} and {}", a.name, b.name);
+            let sides = |model: &RobotModel| {
+                let reach = |d: Vector3<f64>| {
+                    model
+                        .footprint
+                        .iter()
+                        .map(|p| p.coords.dot(&d.xy()))
+                        .fold(f64::MIN, f64::max)
+                };
+                [reach(Vector3::x()), reach(Vector3::y())]
+            };
+            let change = sides(a)
+                .iter()
+                .zip(sides(b))
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max);
+            assert!(
+                change > 0.01,
+                "{} and {} have footprints that differ by {change} m only",
+                a.name,
+                b.name
+            );
             assert_ne!(a.footprint, b.footprint);
             assert_ne!(a.sensors.body_from_camera, b.sensors.body_from_camera);
             assert!(a.kind != b.kind || a.limits.max_speed_mps != b.limits.max_speed_mps);
