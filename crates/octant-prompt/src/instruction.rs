@@ -3,6 +3,8 @@
 //! `find the red mug on the table next to the window` is one step whose goal is
 //! `mug {red, on: table {next to: window}}`. [`crate::parser`] makes these from text; [`crate::grounding`] scores things against them.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::vocabulary::Class;
@@ -91,6 +93,59 @@ impl Referring {
         if let Some(view) = &self.view {
             view.anchor.visit(visit);
         }
+    }
+}
+
+impl fmt::Display for Referring {
+    /// The expression in plain words, for traces and reasons: `red mug near (sink) in the kitchen`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut words: Vec<String> = self
+            .superlatives
+            .iter()
+            .map(|superlative| superlative.word().to_string())
+            .collect();
+        words.extend(self.attributes.iter().map(|attribute| {
+            format!(
+                "{}{}",
+                if attribute.negated { "not " } else { "" },
+                attribute.word
+            )
+        }));
+        if !self.class.text.is_empty() {
+            words.push(self.class.text.clone());
+        }
+        for clause in &self.relations {
+            let anchors: Vec<String> = clause
+                .anchors
+                .iter()
+                .map(|anchor| {
+                    if anchor.relations.is_empty() {
+                        anchor.to_string()
+                    } else {
+                        format!("({anchor})")
+                    }
+                })
+                .collect();
+            words.push(format!(
+                "{}{} {}",
+                if clause.negated { "not " } else { "" },
+                clause.relation.word(),
+                anchors.join(" and ")
+            ));
+        }
+        words.extend(self.room.iter().map(|room| {
+            if self.class.text.is_empty() {
+                room.to_string()
+            } else {
+                format!("in the {room}")
+            }
+        }));
+        words.extend(
+            self.excluded_rooms
+                .iter()
+                .map(|room| format!("not in the {room}")),
+        );
+        f.write_str(&words.join(" "))
     }
 }
 
@@ -250,6 +305,20 @@ pub struct RoomReference {
     pub kind: Option<String>,
     /// Things it must contain ("the room with the piano").
     pub contains: Vec<Referring>,
+}
+
+impl fmt::Display for RoomReference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.name.is_empty() {
+            "room"
+        } else {
+            &self.name
+        })?;
+        for content in &self.contains {
+            write!(f, " with {content}")?;
+        }
+        Ok(())
+    }
 }
 
 /// Storeys.

@@ -1,18 +1,45 @@
 //! octant-prompt
+pub mod action;
+pub mod actor_critic;
+pub mod budget;
+pub mod candidates;
+pub mod critic;
+pub mod flat;
+pub mod grounding;
 pub mod instruction;
 pub mod lexicon;
+pub mod messages;
+pub mod names;
 pub mod octant;
 pub mod parser;
+pub mod prompt;
+pub mod reasoner;
+pub mod relations;
+pub mod render;
+pub mod reply;
+pub mod scripted;
+pub mod search;
+pub mod situation;
+pub mod symbolic;
+pub mod tiers;
 pub mod tokens;
 pub mod vocabulary;
-pub mod grounding {
-    /// x
-    pub struct GroundingConfig {
-        /// x
-        pub accept: f64,
-    }
-}
-pub use instruction::*;
-pub use octant::*;
-pub use parser::*;
-pub use tokens::*;
+
+pub use action::{Action, Target};
+pub use actor_critic::{Attempt, DecisionRecord, decide_with_critic};
+pub use candidates::{Candidates, candidates};
+pub use critic::{Critic, Critique, CritiqueCode};
+pub use flat::{flat_json, flat_text, flat_text_in_body};
+pub use grounding::{GroundingConfig, ground};
+pub use instruction::{Instruction, Referring, Step, StepKind};
+pub use messages::{reply_schema, system_text, user_text};
+pub use names::{NameTable, Named};
+pub use octant::{Bearing, Octant, octant_of, point_in_body};
+pub use parser::{parse_instruction, parse_referring};
+pub use prompt::{MIN_BUDGET_TOKENS, Naming, Prompt, PromptConfig, build_prompt, build_prompt_for};
+pub use reasoner::{Reasoner, ReasonerError, ReasoningStep, Reply, TraceStep};
+pub use reply::{ReplyError, parse_reply};
+pub use scripted::ScriptedReasoner;
+pub use situation::Situation;
+pub use symbolic::SymbolicReasoner;
+pub use tokens::{Estimate, TokenCounter};
