@@ -1,0 +1,351 @@
+//! What an instruction asks for, as plain data: steps, each a referring expression with nested relations.
+//!
+//! `find the red mug on the table next to the window` is one step whose goal is
+//! `mug {red, on: table {next to: window}}`. [`crate::parser`] makes these from text; [`crate::grounding`] scores things against them.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::vocabulary::Class;
+
+/// A parsed instruction. Never fails to exist: text that names nothing has no steps.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Instruction {
+    /// The text as given (bounded by the parser).
+    pub text: String,
+    /// Steps to be done in this order.
+    pub steps: Vec<Step>,
+}
+
+impl Instruction {
+    /// Every object class the instruction mentions, targets and anchors of all steps, normalised, in order of first mention: what an
+    /// open-vocabulary segmenter should be asked for.
+    pub fn nouns(&self) -> Vec<String> {
+        let mut nouns = Vec::new();
+        for step in &self.steps {
+            step.goal.visit(&mut |referring| {
+                if !referring.class.text.is_empty()
+                    && !referring.class.is_wildcard()
+                    && !nouns.contains(&referring.class.text)
+                {
+                    nouns.push(referring.class.text.clone());
+                }
+            });
+        }
+        nouns
+    }
+}
+
+/// One step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// What ends the step.
+    pub kind: StepKind,
+    /// The thing or, for [`StepKind::GoToRoom`], the room (`goal.room`; its class is then empty).
+    pub goal: Referring,
+}
+
+/// Kinds of steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum StepKind {
+    /// Find an object and stop beside it ("find", "go to", "bring me to", ... with a thing).
+    FindObject,
+    /// Be inside a room.
+    GoToRoom,
+}
+
+/// A referring expression: which thing is meant.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Referring {
+    /// The class asked for; a wildcard ("thing") or empty when only a room is meant.
+    pub class: Class,
+    /// Colours, materials, sizes and other adjectives.
+    pub attributes: Vec<Attribute>,
+    /// Relations to other things; all must hold.
+    pub relations: Vec<RelationClause>,
+    /// The room it must be in.
+    pub room: Option<RoomReference>,
+    /// Rooms it must not be in.
+    pub excluded_rooms: Vec<RoomReference>,
+    /// Storey.
+    pub floor: Option<Floor>,
+    /// Extremes among the candidates ("largest", "leftmost", "nearest"), in the order said.
+    pub superlatives: Vec<Superlative>,
+    /// 1-based rank in the order of the first superlative, or from near to far ("second from the left"); `u32::MAX` is "last".
+    pub ordinal: Option<u32>,
+    /// From where left, right, front and behind are seen, if the text says so.
+    pub view: Option<Box<View>>,
+}
+
+impl Referring {
+    /// Calls `visit` for this expression and every nested one, outer first.
+    pub fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Referring)) {
+        visit(self);
+        for anchor in self.relations.iter().flat_map(|relation| &relation.anchors) {
+            anchor.visit(visit);
+        }
+        for room in self.room.iter().chain(&self.excluded_rooms) {
+            for content in &room.contains {
+                content.visit(visit);
+            }
+        }
+        if let Some(view) = &self.view {
+            view.anchor.visit(visit);
+        }
+    }
+}
+
+impl fmt::Display for Referring {
+    /// The expression in plain words, for traces and reasons: `red mug near (sink) in the kitchen`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut words: Vec<String> = self
+            .superlatives
+            .iter()
+            .map(|superlative| superlative.word().to_string())
+            .collect();
+        words.extend(self.attributes.iter().map(|attribute| {
+            format!(
+                "{}{}",
+                if attribute.negated { "not " } else { "" },
+                attribute.word
+            )
+        }));
+        if !self.class.text.is_empty() {
+            words.push(self.class.text.clone());
+        }
+        for clause in &self.relations {
+            let anchors: Vec<String> = clause
+                .anchors
+                .iter()
+                .map(|anchor| {
+                    if anchor.relations.is_empty() {
+                        anchor.to_string()
+                    } else {
+                        format!("({anchor})")
+                    }
+                })
+                .collect();
+            words.push(format!(
+                "{}{} {}",
+                if clause.negated { "not " } else { "" },
+                clause.relation.word(),
+                anchors.join(" and ")
+            ));
+        }
+        words.extend(self.room.iter().map(|room| {
+            if self.class.text.is_empty() {
+                room.to_string()
+            } else {
+                format!("in the {room}")
+            }
+        }));
+        words.extend(
+            self.excluded_rooms
+                .iter()
+                .map(|room| format!("not in the {room}")),
+        );
+        f.write_str(&words.join(" "))
+    }
+}
+
+/// A property of one thing.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Attribute {
+    /// What kind of word it is.
+    pub kind: AttributeKind,
+    /// The word, normalised; a material in its canonical form (`wooden` is `wood`).
+    pub word: String,
+    /// "not red".
+    pub negated: bool,
+}
+
+/// Kinds of adjectives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum AttributeKind {
+    /// A colour of [`crate::vocabulary::color_rgb`].
+    Color,
+    /// A material of [`crate::vocabulary::material`].
+    Material,
+    /// A size word ("large"): compared with the other candidates.
+    Size(Superlative),
+    /// Any other word: looked up in caption and attributes.
+    Other,
+}
+
+/// A relation between the thing and its anchors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RelationClause {
+    /// What must hold.
+    pub relation: SpatialRelation,
+    /// The things it is relative to: two for [`SpatialRelation::Between`] (or one plural class), else one.
+    pub anchors: Vec<Referring>,
+    /// "not near the sink".
+    pub negated: bool,
+}
+
+/// Spatial relations of the grammar. The subject is the thing referred to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum SpatialRelation {
+    /// Near, next to, beside, by.
+    Near,
+    /// Far from.
+    Far,
+    /// Closest to: the candidate with the least gap.
+    Closest,
+    /// Farthest from.
+    Farthest,
+    /// Resting on.
+    On,
+    /// Below, underneath.
+    Under,
+    /// Over, higher, above the footprint.
+    Above,
+    /// In a container.
+    Inside,
+    /// "table with a mug on it".
+    Supporting,
+    /// "shelf with books in it".
+    Containing,
+    /// "desk with a monitor": on, in or near it.
+    With,
+    /// To the left, seen by the viewer.
+    LeftOf,
+    /// To the right, seen by the viewer.
+    RightOf,
+    /// Between viewer and anchor, or at the anchor's front.
+    InFrontOf,
+    /// Behind the anchor.
+    Behind,
+    /// Between two anchors.
+    Between,
+    /// Across from, facing.
+    Opposite,
+}
+
+impl SpatialRelation {
+    /// The word in traces and tools.
+    pub fn word(self) -> &'static str {
+        match self {
+            SpatialRelation::Near => "near",
+            SpatialRelation::Far => "far from",
+            SpatialRelation::Closest => "closest to",
+            SpatialRelation::Farthest => "farthest from",
+            SpatialRelation::On => "on",
+            SpatialRelation::Under => "under",
+            SpatialRelation::Above => "above",
+            SpatialRelation::Inside => "in",
+            SpatialRelation::Supporting => "supporting",
+            SpatialRelation::Containing => "containing",
+            SpatialRelation::With => "with",
+            SpatialRelation::LeftOf => "left of",
+            SpatialRelation::RightOf => "right of",
+            SpatialRelation::InFrontOf => "in front of",
+            SpatialRelation::Behind => "behind",
+            SpatialRelation::Between => "between",
+            SpatialRelation::Opposite => "opposite",
+        }
+    }
+}
+
+/// Extremes among candidates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[allow(missing_docs)] // the names say it
+pub enum Superlative {
+    Nearest,
+    Farthest,
+    Largest,
+    Smallest,
+    Tallest,
+    Shortest,
+    Longest,
+    Widest,
+    Narrowest,
+    Highest,
+    Lowest,
+    Leftmost,
+    Rightmost,
+    Frontmost,
+    Backmost,
+    Middle,
+    Corner,
+}
+
+impl Superlative {
+    /// The word in traces.
+    pub fn word(self) -> &'static str {
+        match self {
+            Superlative::Nearest => "nearest",
+            Superlative::Farthest => "farthest",
+            Superlative::Largest => "largest",
+            Superlative::Smallest => "smallest",
+            Superlative::Tallest => "tallest",
+            Superlative::Shortest => "shortest",
+            Superlative::Longest => "longest",
+            Superlative::Widest => "widest",
+            Superlative::Narrowest => "narrowest",
+            Superlative::Highest => "highest",
+            Superlative::Lowest => "lowest",
+            Superlative::Leftmost => "leftmost",
+            Superlative::Rightmost => "rightmost",
+            Superlative::Frontmost => "frontmost",
+            Superlative::Backmost => "backmost",
+            Superlative::Middle => "in the middle",
+            Superlative::Corner => "in the corner",
+        }
+    }
+}
+
+/// A room as the instruction names it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct RoomReference {
+    /// The phrase, normalised: `conference room`, `room 3`; empty for "the room with ...".
+    pub name: String,
+    /// The kind of [`crate::vocabulary::room_kind`], if the phrase names one.
+    pub kind: Option<String>,
+    /// Things it must contain ("the room with the piano").
+    pub contains: Vec<Referring>,
+}
+
+impl fmt::Display for RoomReference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.name.is_empty() {
+            "room"
+        } else {
+            &self.name
+        })?;
+        for content in &self.contains {
+            write!(f, " with {content}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Storeys.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Floor {
+    /// Counted from 0 = the ground floor ("first floor" is 0, as in American English).
+    Number(i32),
+    /// "upstairs" (+1) or "downstairs" (-1), relative to the robot's storey.
+    Relative(i32),
+}
+
+/// Where the viewer of an expression stands or looks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// How the viewer relates to `anchor`.
+    pub kind: ViewKind,
+    /// The thing looked at, turned away from, or stood at.
+    pub anchor: Referring,
+}
+
+/// Kinds of view clauses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ViewKind {
+    /// "facing the window", "looking at the window".
+    Facing,
+    /// "with your back to the window".
+    BackTo,
+    /// "standing at the door", "when you enter (by the door)": looks from there into the room.
+    From,
+}

@@ -1,0 +1,1059 @@
+//! Words of the instruction language: from text to a short list of tokens with a grammatical mark each.
+//!
+//! Longest phrase first, so "on top of" is one relation and "on the left side of" is another. Words that no table knows stay words: they
+//! are the nouns and adjectives.
+
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
+use crate::instruction::{Floor, SpatialRelation as R, Superlative as S, ViewKind};
+
+/// Longest text that is read; the rest is ignored.
+pub const MAX_TEXT_BYTES: usize = 2_000;
+/// Most tokens that are read.
+const MAX_TOKENS: usize = 256;
+/// Longest phrase of the table in words.
+const MAX_PHRASE_WORDS: usize = 6;
+
+/// The part a token plays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// A relation phrase.
+    Relation(R),
+    /// `in`, `inside`: room or container.
+    In,
+    /// `with`, `has`.
+    With,
+    /// `without`.
+    Without,
+    /// `not`, `except`.
+    Not,
+    /// `and`.
+    And,
+    /// Ends a step.
+    Then,
+    /// `the`, `a`, `some`, `this`.
+    Determiner,
+    /// `that`, `which`, `it`, `there`.
+    Pronoun,
+    /// `is`, `located`, `standing`.
+    Copula,
+    /// `of`.
+    Of,
+    /// `from` (of an order: "second from the left").
+    From,
+    /// `one` as a noun.
+    One,
+    /// `find`, `go to`.
+    Verb,
+    /// `enter`: a verb whose object is a room.
+    Enter,
+    /// `when`, `if`: a view clause follows.
+    When,
+    /// A view phrase.
+    View(ViewKind),
+    /// A superlative or its adverbial form ("on the left").
+    Superlative(S),
+    /// A soft size adjective.
+    Size(S),
+    /// `first` is 1, `last` is `u32::MAX`.
+    Ordinal(u32),
+    /// A storey.
+    Floor(Floor),
+    /// Comma.
+    Comma,
+    /// Sentence end or semicolon.
+    Stop,
+    /// Anything else: part of a noun phrase.
+    Word,
+}
+
+/// A token: its mark and its text (normalised).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Token {
+    /// What it does.
+    pub mark: Mark,
+    /// Its words.
+    pub text: String,
+}
+
+/// Reads a text. Bounded; never fails.
+pub fn tokens(text: &str) -> Vec<Token> {
+    let words = words(text);
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < words.len() && out.len() < MAX_TOKENS {
+        let longest = (1..=MAX_PHRASE_WORDS.min(words.len() - at))
+            .rev()
+            .find_map(|count| {
+                let phrase = words[at..at + count].join(" ");
+                PHRASES
+                    .get(phrase.as_str())
+                    .map(|mark| (count, *mark, phrase))
+            });
+        let (count, mark, phrase) = longest.unwrap_or_else(|| {
+            (
+                1,
+                mark_of_punctuation_or_word(&words[at]),
+                words[at].clone(),
+            )
+        });
+        at += count;
+        match mark {
+            None => {} // a filler such as "please"
+            Some(mark) => out.push(Token { mark, text: phrase }),
+        }
+    }
+    out
+}
+
+fn mark_of_punctuation_or_word(word: &str) -> Option<Mark> {
+    Some(match word {
+        "," => Mark::Comma,
+        "." => Mark::Stop,
+        _ => Mark::Word,
+    })
+}
+
+/// Lower-case words and the marks `,` and `.`.
+fn words(text: &str) -> Vec<String> {
+    let mut end = text.len().min(MAX_TEXT_BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    let mut words: Vec<String> = Vec::new();
+    let mut word = String::new();
+    for c in text[..end].chars().chain(std::iter::once(' ')) {
+        match c {
+            c if c.is_alphanumeric() => word.extend(c.to_lowercase()),
+            '\'' | '\u{2019}' => {} // it's -> its, don't -> dont
+            _ => {
+                if !word.is_empty() {
+                    words.push(std::mem::take(&mut word));
+                }
+                match c {
+                    ',' | '(' | ')' | ':' => words.push(",".into()),
+                    '.' | ';' | '!' | '?' | '\n' => words.push(".".into()),
+                    _ => {}
+                }
+            }
+        }
+    }
+    words
+}
+
+/// Phrase -> mark; `None` marks fillers that are dropped.
+static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(|| {
+    let rows: &[(Mark, &[&str])] = &[
+        (
+            Mark::Relation(R::Near),
+            &[
+                "near",
+                "near to",
+                "next to",
+                "right next to",
+                "nearby to",
+                "beside",
+                "besides",
+                "by",
+                "right by",
+                "close to",
+                "adjacent to",
+                "alongside",
+                "along",
+                "at",
+                "around",
+                "touching",
+                "against",
+                "leaning against",
+                "leaning on",
+                "up against",
+                "attached to",
+                "connected to",
+                "near by",
+                "in the vicinity of",
+                "not far from",
+                "on the side of",
+                "to the side of",
+                "at the side of",
+                "off of",
+                "pushed up to",
+                "tucked into",
+                "standing by",
+                "sitting at",
+                "sitting by",
+                "standing next to",
+                "closer to",
+                "nearer to",
+                "nearer",
+            ],
+        ),
+        (
+            Mark::Relation(R::Far),
+            &[
+                "far from",
+                "far away from",
+                "away from",
+                "not near",
+                "not close to",
+                "not next to",
+            ],
+        ),
+        (
+            Mark::Relation(R::Closest),
+            &[
+                "closest to",
+                "nearest to",
+                "the closest to",
+                "the nearest to",
+                "most close to",
+                "closest",
+            ],
+        ),
+        (
+            Mark::Relation(R::Farthest),
+            &[
+                "farthest from",
+                "furthest from",
+                "farthest away from",
+                "furthest away from",
+                "most distant from",
+                "the farthest from",
+                "the furthest from",
+                "farthest to",
+                "furthest to",
+            ],
+        ),
+        (
+            Mark::Relation(R::On),
+            &[
+                "on",
+                "on top of",
+                "atop",
+                "upon",
+                "onto",
+                "resting on",
+                "lying on",
+                "laying on",
+                "sitting on",
+                "standing on",
+                "placed on",
+                "hanging on",
+                "mounted on",
+                "sitting on top of",
+                "on the top of",
+                "hanging from",
+            ],
+        ),
+        (
+            Mark::Relation(R::Under),
+            &[
+                "under",
+                "underneath",
+                "beneath",
+                "below",
+                "right below",
+                "directly below",
+                "directly under",
+                "right under",
+                "lower than",
+                "at the bottom of",
+            ],
+        ),
+        (
+            Mark::Relation(R::Above),
+            &[
+                "above",
+                "over",
+                "right above",
+                "directly above",
+                "directly over",
+                "hanging over",
+                "hanging above",
+                "higher than",
+                "at the top of",
+            ],
+        ),
+        (
+            Mark::Relation(R::LeftOf),
+            &[
+                "left of",
+                "to the left of",
+                "on the left of",
+                "on the left side of",
+                "at the left of",
+                "left side of",
+                "to the left side of",
+                "on left side of",
+                "on the left hand side of",
+                "to left of",
+                "on left of",
+                "at the left side of",
+                "on its left",
+                "directly left of",
+                "directly to the left of",
+                "just left of",
+                "just to the left of",
+                "immediately left of",
+                "immediately to the left of",
+            ],
+        ),
+        (
+            Mark::Relation(R::RightOf),
+            &[
+                "right of",
+                "to the right of",
+                "on the right of",
+                "on the right side of",
+                "at the right of",
+                "right side of",
+                "to the right side of",
+                "on right side of",
+                "on the right hand side of",
+                "to right of",
+                "on right of",
+                "at the right side of",
+                "directly right of",
+                "directly to the right of",
+                "just right of",
+                "just to the right of",
+                "immediately right of",
+                "immediately to the right of",
+            ],
+        ),
+        (
+            Mark::Relation(R::InFrontOf),
+            &[
+                "in front of",
+                "infront of",
+                "front of",
+                "at the front of",
+                "in the front of",
+                "directly in front of",
+                "right in front of",
+                "ahead of",
+                "to the front of",
+            ],
+        ),
+        (
+            Mark::Relation(R::Behind),
+            &[
+                "behind",
+                "in back of",
+                "at the back of",
+                "right behind",
+                "directly behind",
+                "to the rear of",
+                "in the back of",
+                "back of",
+                "at the rear of",
+                "in the rear of",
+            ],
+        ),
+        (
+            Mark::Relation(R::Between),
+            &[
+                "between",
+                "in between",
+                "in the middle of the two",
+                "sandwiched between",
+                "in the middle between",
+                "inbetween",
+                "located between",
+            ],
+        ),
+        (
+            Mark::Relation(R::Opposite),
+            &[
+                "opposite",
+                "opposite of",
+                "opposite to",
+                "across from",
+                "on the opposite side of",
+                "on the other side of",
+                "across",
+                "opposite from",
+                "directly across from",
+            ],
+        ),
+        (
+            Mark::In,
+            &[
+                "in",
+                "inside",
+                "within",
+                "inside of",
+                "into",
+                "in the inside of",
+            ],
+        ),
+        (
+            Mark::With,
+            &[
+                "with",
+                "has",
+                "have",
+                "having",
+                "holding",
+                "that has",
+                "which has",
+                "containing",
+                "supporting",
+                "carrying",
+                "featuring",
+            ],
+        ),
+        (
+            Mark::Without,
+            &[
+                "without",
+                "with no",
+                "that has no",
+                "that does not have",
+                "that doesnt have",
+                "has no",
+                "lacking",
+                "that dont have",
+            ],
+        ),
+        (
+            Mark::Not,
+            &[
+                "not",
+                "isnt",
+                "arent",
+                "is not",
+                "are not",
+                "but not",
+                "except",
+                "other than",
+                "rather than",
+                "never",
+                "excluding",
+                "thats not",
+                "not the one",
+            ],
+        ),
+        (Mark::And, &["and", "as well as", "and also", "plus"]),
+        (
+            Mark::Then,
+            &[
+                "then",
+                "and then",
+                "after that",
+                "afterwards",
+                "after this",
+                "and after that",
+                "next",
+                "followed by",
+                "before you",
+                "finally",
+                "and finally",
+                "subsequently",
+                "once there",
+                "from there",
+                "when you are there",
+                "secondly",
+            ],
+        ),
+        (
+            Mark::Determiner,
+            &[
+                "the", "a", "an", "some", "this", "these", "those", "any", "its", "their", "my",
+                "your", "our", "another", "other", "each", "every", "both", "either", "all", "his",
+                "her",
+            ],
+        ),
+        (
+            Mark::Pronoun,
+            &[
+                "that",
+                "which",
+                "who",
+                "it",
+                "there",
+                "they",
+                "that there",
+                "you",
+                "we",
+                "i",
+                "whose",
+                "what",
+                "where",
+                "youre",
+                "you want",
+                "you are looking for",
+                "we want",
+                "you need",
+            ],
+        ),
+        (
+            Mark::Copula,
+            &[
+                "is",
+                "are",
+                "was",
+                "be",
+                "were",
+                "thats",
+                "its the",
+                "located",
+                "placed",
+                "situated",
+                "positioned",
+                "standing",
+                "sitting",
+                "lying",
+                "laying",
+                "resting",
+                "found",
+                "hanging",
+                "stands",
+                "sits",
+                "lies",
+                "being",
+                "can be found",
+                "set",
+                "mounted",
+                "kept",
+                "directly",
+                "immediately",
+                "just",
+                "theres",
+                "seen",
+                "stored",
+                "placed right",
+                "leaning",
+                "you see",
+                "appears",
+                "seems",
+                "looks",
+            ],
+        ),
+        (Mark::Of, &["of", "out of"]),
+        (
+            Mark::From,
+            &[
+                "from",
+                "starting from",
+                "counting from",
+                "when counted from",
+                "to",
+            ],
+        ),
+        (Mark::One, &["one", "ones"]),
+        (
+            Mark::Verb,
+            &[
+                "find",
+                "go",
+                "go to",
+                "go near",
+                "go towards",
+                "go toward",
+                "go over to",
+                "go up to",
+                "go back to",
+                "go and find",
+                "approach",
+                "locate",
+                "look for",
+                "search for",
+                "search",
+                "get to",
+                "get",
+                "navigate to",
+                "navigate",
+                "walk to",
+                "walk over to",
+                "walk towards",
+                "drive to",
+                "drive",
+                "move to",
+                "move towards",
+                "move near",
+                "head to",
+                "head for",
+                "head towards",
+                "head over to",
+                "fly to",
+                "fly over to",
+                "fly towards",
+                "bring me to",
+                "take me to",
+                "lead me to",
+                "guide me to",
+                "show me",
+                "visit",
+                "reach",
+                "stop at",
+                "stop near",
+                "stop next to",
+                "stop beside",
+                "stop by",
+                "stop in front of",
+                "fetch",
+                "bring me",
+                "bring",
+                "inspect",
+                "check",
+                "check on",
+                "look at",
+                "come to",
+                "travel to",
+                "proceed to",
+                "run to",
+                "choose",
+                "select",
+                "pick",
+                "pick out",
+                "identify",
+                "point to",
+                "point at",
+                "i want",
+                "i need",
+                "we need",
+                "want",
+                "where is",
+                "where are",
+                "wheres",
+                "you are looking for",
+                "youre looking for",
+                "go find",
+                "can you find",
+                "can you go to",
+                "could you find",
+                "return to",
+                "continue to",
+                "look",
+                "hunt for",
+                "seek",
+                "discover",
+                "spot",
+                "stop",
+            ],
+        ),
+        (
+            Mark::Enter,
+            &[
+                "enter",
+                "go into",
+                "go in",
+                "walk into",
+                "move into",
+                "drive into",
+                "fly into",
+                "step into",
+                "head into",
+                "go inside",
+                "get into",
+            ],
+        ),
+        (
+            Mark::When,
+            &[
+                "when",
+                "if",
+                "while",
+                "as",
+                "once",
+                "upon",
+                "assuming",
+                "when you are",
+                "if you are",
+                "if youre",
+                "when youre",
+                "if you were",
+                "while you are",
+                "as you",
+                "if you",
+                "when you",
+                "while",
+                "as if you are",
+                "from the perspective of someone",
+                "if one is",
+                "when one is",
+            ],
+        ),
+        (
+            Mark::View(ViewKind::Facing),
+            &[
+                "facing",
+                "looking at",
+                "looking toward",
+                "looking towards",
+                "face",
+                "facing towards",
+                "facing toward",
+                "looking to",
+                "looking in the direction of",
+                "view from the front of",
+                "looking from the front of",
+            ],
+        ),
+        (
+            Mark::View(ViewKind::BackTo),
+            &[
+                "with your back to",
+                "with your back against",
+                "with your back towards",
+                "with back to",
+                "with the back to",
+                "back to",
+                "your back to",
+                "your back is to",
+                "your back to the",
+                "with your back facing",
+            ],
+        ),
+        (
+            Mark::View(ViewKind::From),
+            &[
+                "entering",
+                "entering from",
+                "entering through",
+                "you enter",
+                "walking in",
+                "walk in",
+                "walk in from",
+                "walking into",
+                "standing at",
+                "standing in",
+                "standing by",
+                "coming in",
+                "coming in from",
+                "come in",
+                "looking from",
+                "viewed from",
+                "seen from",
+                "enter the room",
+                "standing in front of",
+                "stand at",
+                "stand in",
+                "stand by",
+                "sitting in",
+                "you walk in",
+                "walking in from",
+                "walk through",
+                "walking through",
+                "coming through",
+                "standing near",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Nearest),
+            &["nearest", "closest one", "nearest one", "closest by"],
+        ),
+        (
+            Mark::Superlative(S::Farthest),
+            &[
+                "farthest",
+                "furthest",
+                "most distant",
+                "farthest away",
+                "furthest away",
+                "far",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Largest),
+            &["largest", "biggest", "larger", "bigger", "greatest"],
+        ),
+        (
+            Mark::Superlative(S::Smallest),
+            &["smallest", "littlest", "tiniest", "smaller"],
+        ),
+        (Mark::Superlative(S::Tallest), &["tallest", "taller"]),
+        (Mark::Superlative(S::Shortest), &["shortest", "shorter"]),
+        (Mark::Superlative(S::Longest), &["longest", "longer"]),
+        (
+            Mark::Superlative(S::Widest),
+            &["widest", "wider", "broadest"],
+        ),
+        (
+            Mark::Superlative(S::Narrowest),
+            &["narrowest", "thinnest", "thinner", "narrower", "skinnier"],
+        ),
+        (
+            Mark::Superlative(S::Highest),
+            &[
+                "highest",
+                "topmost",
+                "uppermost",
+                "upper",
+                "higher",
+                "top",
+                "at the top",
+                "on the top",
+                "on top",
+                "higher up",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Lowest),
+            &[
+                "lowest",
+                "bottommost",
+                "lower",
+                "bottom",
+                "at the bottom",
+                "on the bottom",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Leftmost),
+            &[
+                "leftmost",
+                "left most",
+                "left",
+                "on the left",
+                "to the left",
+                "on the left side",
+                "at the left",
+                "on your left",
+                "to your left",
+                "far left",
+                "on the far left",
+                "on the left hand side",
+                "left hand",
+                "on left",
+                "the left side",
+                "on the left most side",
+                "left side",
+                "left one",
+                "furthest left",
+                "farthest left",
+                "furthest to the left",
+                "farthest to the left",
+                "all the way to the left",
+                "on the left wall",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Rightmost),
+            &[
+                "rightmost",
+                "right most",
+                "right",
+                "on the right",
+                "to the right",
+                "on the right side",
+                "at the right",
+                "on your right",
+                "to your right",
+                "far right",
+                "on the far right",
+                "on the right hand side",
+                "right hand",
+                "on right",
+                "the right side",
+                "right side",
+                "right one",
+                "furthest right",
+                "farthest right",
+                "furthest to the right",
+                "farthest to the right",
+                "all the way to the right",
+                "on the right wall",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Frontmost),
+            &[
+                "frontmost",
+                "front most",
+                "in front",
+                "in the front",
+                "at the front",
+                "up front",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Backmost),
+            &[
+                "backmost",
+                "back most",
+                "at the back",
+                "in the back",
+                "rearmost",
+                "in back",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Middle),
+            &[
+                "middle",
+                "in the middle",
+                "in the middle of the room",
+                "in the center",
+                "in the centre",
+                "center",
+                "centre",
+                "central",
+                "in the center of the room",
+                "in the centre of the room",
+                "in the middle of",
+                "in the center of",
+                "middlemost",
+            ],
+        ),
+        (
+            Mark::Superlative(S::Corner),
+            &[
+                "in the corner",
+                "in a corner",
+                "in the corner of the room",
+                "in the corner of",
+                "at the corner",
+                "corner",
+            ],
+        ),
+        (Mark::Size(S::Largest), &["large", "big", "huge", "great"]),
+        (
+            Mark::Size(S::Smallest),
+            &["small", "little", "tiny", "compact"],
+        ),
+        (Mark::Size(S::Tallest), &["tall"]),
+        (Mark::Size(S::Shortest), &["short"]),
+        (Mark::Size(S::Longest), &["long"]),
+        (Mark::Size(S::Widest), &["wide", "broad"]),
+        (
+            Mark::Size(S::Narrowest),
+            &["narrow", "thin", "skinny", "slim"],
+        ),
+        (Mark::Size(S::Highest), &["high"]),
+        (Mark::Size(S::Lowest), &["low"]),
+        (Mark::Ordinal(1), &["first", "1st"]),
+        (Mark::Ordinal(2), &["second", "2nd"]),
+        (Mark::Ordinal(3), &["third", "3rd"]),
+        (Mark::Ordinal(4), &["fourth", "4th"]),
+        (Mark::Ordinal(5), &["fifth", "5th"]),
+        (Mark::Ordinal(6), &["sixth", "6th"]),
+        (Mark::Ordinal(u32::MAX), &["last"]),
+        (
+            Mark::Floor(Floor::Number(0)),
+            &[
+                "on the ground floor",
+                "on the first floor",
+                "ground floor",
+                "first floor",
+            ],
+        ),
+        (
+            Mark::Floor(Floor::Number(1)),
+            &["on the second floor", "second floor"],
+        ),
+        (
+            Mark::Floor(Floor::Number(2)),
+            &["on the third floor", "third floor"],
+        ),
+        (
+            Mark::Floor(Floor::Relative(1)),
+            &[
+                "upstairs",
+                "on the upper floor",
+                "one floor up",
+                "the floor above",
+                "on the top floor",
+            ],
+        ),
+        (
+            Mark::Floor(Floor::Relative(-1)),
+            &[
+                "downstairs",
+                "on the lower floor",
+                "one floor down",
+                "the floor below",
+            ],
+        ),
+    ];
+    const FILLERS: &[&str] = &[
+        "please",
+        "hey",
+        "robot",
+        "kindly",
+        "now",
+        "quickly",
+        "slowly",
+        "very",
+        "really",
+        "also",
+        "actually",
+        "exactly",
+        "slightly",
+        "me",
+        "carefully",
+        "hello",
+        "hi",
+        "so",
+        "but",
+        "currently",
+        "somewhat",
+        "kind of",
+        "sort of",
+        "would",
+        "could",
+        "can",
+        "will",
+        "should",
+        "must",
+        "do",
+        "does",
+        "for",
+        "only",
+        "two",
+        "three",
+        "four",
+        "five",
+        "more",
+        "most",
+        "pair of",
+        "set of",
+        "row of",
+        "stack of",
+        "pile of",
+        "group of",
+        "couple of",
+    ];
+    let mut map: HashMap<&'static str, Option<Mark>> =
+        FILLERS.iter().map(|filler| (*filler, None)).collect();
+    for (mark, phrases) in rows {
+        for phrase in *phrases {
+            map.insert(phrase, Some(*mark));
+        }
+    }
+    map
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn marks(text: &str) -> Vec<Mark> {
+        tokens(text).into_iter().map(|token| token.mark).collect()
+    }
+
+    #[test]
+    fn the_longest_phrase_wins() {
+        assert_eq!(
+            marks("on the left side of the bed"),
+            [Mark::Relation(R::LeftOf), Mark::Determiner, Mark::Word]
+        );
+        assert_eq!(marks("on the left"), [Mark::Superlative(S::Leftmost)]);
+        assert_eq!(
+            marks("on top of it"),
+            [Mark::Relation(R::On), Mark::Pronoun]
+        );
+        assert_eq!(
+            marks("Please, find!"),
+            [Mark::Comma, Mark::Verb, Mark::Stop]
+        );
+    }
+
+    #[test]
+    fn long_and_odd_text_is_bounded() {
+        assert!(tokens(&"chair ".repeat(10_000)).len() <= MAX_TOKENS);
+        assert!(tokens("").is_empty());
+        assert!(tokens(&"\u{1F600}\u{0301}'".repeat(1_000)).is_empty());
+    }
+}

@@ -1,0 +1,304 @@
+//! The embedded reasoner: the paper's hierarchical chain of thought by rules, no model and no training.
+//!
+//! Room filtering -> orientation -> functional group -> localisation, each with a line of trace in the words a language model would
+//! use. The rules of action:
+//! 1. a thing (or room) that answers every part of the step is approached, and stopped at once the robot is there, the map still says
+//!    so, and the thing was seen well enough;
+//! 2. otherwise the robot searches on: frontiers and places not yet looked at closely, by value ([`crate::search`]);
+//! 3. otherwise the best guess, if the expression is unproven rather than false;
+//! 4. otherwise it gives up and says why. It never gives up while a reachable place is left.
+
+use crate::action::{Action, Target};
+use crate::candidates::{Candidates, Choice, candidates, is_well_inside};
+use crate::critic::Critique;
+use crate::grounding::GroundingConfig;
+use crate::instruction::{Step, StepKind};
+use crate::octant::octant_of;
+use crate::prompt::Prompt;
+use crate::reasoner::{Reasoner, ReasonerError, ReasoningStep, Reply, TraceStep};
+use crate::search::usual_rooms;
+use crate::situation::Situation;
+
+/// Decides by rules. Stateless: the same situation gives the same reply.
+#[derive(Debug, Clone, Default)]
+pub struct SymbolicReasoner {
+    /// Thresholds.
+    pub grounding: GroundingConfig,
+}
+
+impl Reasoner for SymbolicReasoner {
+    fn decide(
+        &mut self,
+        situation: &Situation,
+        _prompt: &Prompt,
+        _critiques: &[Critique],
+    ) -> Result<Reply, ReasonerError> {
+        self.reply(situation)
+    }
+
+    fn name(&self) -> &str {
+        "symbolic"
+    }
+}
+
+impl SymbolicReasoner {
+    /// The decision without a prompt, which this reasoner does not read.
+    ///
+    /// # Errors
+    /// [`ReasonerError::NoSuchStep`] when all steps are done.
+    pub fn reply(&self, situation: &Situation) -> Result<Reply, ReasonerError> {
+        let step = situation
+            .step()
+            .ok_or(ReasonerError::NoSuchStep(situation.step_index))?;
+        let known = candidates(situation, &self.grounding);
+        let action = match known.chosen {
+            Some(choice) => approach(situation, &choice),
+            None => match known.places.first() {
+                Some(place) => Action::Explore(place.id),
+                None => Action::GiveUp {
+                    reason: reason_to_give_up(step, &known),
+                },
+            },
+        };
+        let trace = trace(situation, step, &known, &action);
+        let confidence = match (known.chosen, &action) {
+            (Some(choice), _) => choice.confidence,
+            (None, Action::GiveUp { .. }) => 0.5,
+            (None, _) => known
+                .places
+                .first()
+                .map_or(0.0, |place| place.likelihood.clamp(0.0, 1.0) * 0.5),
+        };
+        let text = trace
+            .iter()
+            .map(|line| format!("{}: {} -> {}\n", line.step.word(), line.input, line.output))
+            .chain([action.to_string()])
+            .collect();
+        Ok(Reply {
+            action,
+            trace,
+            confidence,
+            text,
+            answer_tokens: None,
+        })
+    }
+}
+
+/// Go there, or stop if the robot is there.
+fn approach(situation: &Situation, choice: &Choice) -> Action {
+    match choice.target {
+        Target::Room(id) if is_well_inside(situation, id) => Action::Stop(choice.target),
+        Target::Room(id) => Action::GoToRoom(id),
+        Target::Object(id) if (situation.can_stop)(id) && is_seen_well(situation, id) => {
+            Action::Stop(choice.target)
+        }
+        Target::Object(id) => Action::GoNear(id),
+    }
+}
+
+/// A thing seen once or with a doubtful label is looked at from nearby before the robot says "here it is".
+pub(crate) fn is_seen_well(situation: &Situation, id: dsg::ObjectId) -> bool {
+    /// Vote margin below which a label may still turn.
+    const CLEAR_MARGIN: f64 = 0.25;
+    situation.inspected.contains(&id)
+        || situation
+            .graph
+            .object(id)
+            .is_some_and(|object| object.confirmed && object.label_margin >= CLEAR_MARGIN)
+}
+
+fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
+    let goal = &step.goal;
+    if step.kind == StepKind::GoToRoom {
+        let blocked = known.rooms.iter().any(|room| room.score >= 0.5);
+        return if blocked {
+            format!("I know the {goal}, but found no way into it.")
+        } else {
+            format!("I searched everywhere I can reach and found no {goal}.")
+        };
+    }
+    let class = &goal.class.text;
+    let fitting = known
+        .objects
+        .iter()
+        .filter(|candidate| candidate.is_accepted)
+        .count();
+    let of_class = known
+        .objects
+        .iter()
+        .filter(|candidate| candidate.found.class >= 0.6)
+        .count();
+    if fitting > 0 {
+        format!("I know where the {goal} is, but found no way to it.")
+    } else if of_class > 0 {
+        format!(
+            "I searched everywhere I can reach and found {of_class} of class {class}, but none that fits \"{goal}\"."
+        )
+    } else {
+        format!("I searched everywhere I can reach and found no {class}.")
+    }
+}
+
+fn trace(
+    situation: &Situation,
+    step: &Step,
+    known: &Candidates,
+    action: &Action,
+) -> Vec<TraceStep> {
+    let line = |step: ReasoningStep, input: String, output: String| TraceStep {
+        step,
+        input,
+        output,
+    };
+    vec![
+        line(
+            ReasoningStep::RoomFiltering,
+            format!("rooms for \"{}\"", step.goal),
+            rooms_line(situation, known),
+        ),
+        line(
+            ReasoningStep::Orientation,
+            format!("direction of {action}"),
+            orientation_line(situation, known, action),
+        ),
+        line(
+            ReasoningStep::FunctionalGroup,
+            format!(
+                "where is a {} usual",
+                if step.goal.class.text.is_empty() {
+                    step.goal.to_string()
+                } else {
+                    step.goal.class.text.clone()
+                }
+            ),
+            group_line(situation, step, known),
+        ),
+        line(
+            ReasoningStep::Localisation,
+            format!(
+                "\"{}\" among {} objects",
+                step.goal,
+                known.scene.things.len()
+            ),
+            localisation_line(situation, known, action),
+        ),
+    ]
+}
+
+fn rooms_line(situation: &Situation, known: &Candidates) -> String {
+    let name = |id| {
+        situation
+            .graph
+            .room(id)
+            .map_or_else(|| format!("{id}"), |room| room.name.clone())
+    };
+    if known.rooms.is_empty() {
+        let reachable = known
+            .scene
+            .rooms
+            .iter()
+            .filter(|room| situation.path_to_room(room.id).is_some())
+            .count();
+        return format!(
+            "no room named; {reachable} of {} rooms reachable",
+            known.scene.rooms.len()
+        );
+    }
+    let list: Vec<String> = known
+        .rooms
+        .iter()
+        .take(3)
+        .map(|room| {
+            format!(
+                "{} {:.2}{}",
+                name(room.id),
+                room.score,
+                if room.path_m.is_none() {
+                    " (no way)"
+                } else {
+                    ""
+                }
+            )
+        })
+        .collect();
+    list.join(", ")
+}
+
+fn orientation_line(situation: &Situation, known: &Candidates, action: &Action) -> String {
+    let point = match action {
+        Action::GoToRoom(id) | Action::Stop(Target::Room(id)) => {
+            situation.graph.room(*id).map(|room| room.center)
+        }
+        Action::GoNear(id) | Action::Stop(Target::Object(id)) => {
+            situation.graph.object(*id).map(|object| object.centroid)
+        }
+        Action::Explore(id) => known.place(*id).map(|place| place.position),
+        Action::TurnTo(octant) => return octant.to_string(),
+        Action::GiveUp { .. } => None,
+    };
+    point.map_or_else(
+        || "nowhere left to go".to_string(),
+        |point| {
+            let in_body = situation.in_body(&point);
+            format!(
+                "{} {:.1} m",
+                octant_of(&in_body, situation.camera_height_m),
+                in_body.coords.norm()
+            )
+        },
+    )
+}
+
+fn group_line(situation: &Situation, step: &Step, known: &Candidates) -> String {
+    let groups = situation.graph.groups().filter(|group| {
+        group.members.iter().any(|member| {
+            known
+                .objects
+                .iter()
+                .take(3)
+                .any(|candidate| candidate.found.id == *member)
+        })
+    });
+    let named: Vec<String> = groups.take(2).map(|group| group.name.clone()).collect();
+    let usual = usual_rooms(&step.goal, 3).join(", ");
+    match (named.is_empty(), usual.is_empty()) {
+        (false, _) => format!("{} (usual in: {usual})", named.join(", ")),
+        (true, false) => format!("usual in: {usual}"),
+        (true, true) => "nothing is known about where it is usual".to_string(),
+    }
+}
+
+fn localisation_line(situation: &Situation, known: &Candidates, action: &Action) -> String {
+    let list: Vec<String> = known
+        .objects
+        .iter()
+        .take(3)
+        .map(|candidate| {
+            let label = situation
+                .graph
+                .object(candidate.found.id)
+                .map_or("", |object| object.label.as_str());
+            format!(
+                "{} {label} {:.2}{}",
+                candidate.found.id,
+                candidate.found.total,
+                if candidate.is_accepted {
+                    ""
+                } else {
+                    " (not all parts hold)"
+                }
+            )
+        })
+        .collect();
+    let list = if list.is_empty() {
+        "no candidate".to_string()
+    } else {
+        list.join(", ")
+    };
+    let guess = if known.chosen.is_some_and(|choice| choice.is_guess) {
+        "; nothing left to search, best guess"
+    } else {
+        ""
+    };
+    format!("{list}{guess} => {action}")
+}
