@@ -1,1 +1,7 @@
 //! planner
+#[cfg(feature = "ground")]
+pub mod ground;
+#[cfg(feature = "ground")]
+pub use ground::grid::{GridView, GroundError};
+#[cfg(feature = "ground")]
+pub use ground::visibility::{Route, VisibilityGraph};
