@@ -20,85 +20,12 @@ pub(crate) const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 impl ClearanceField {
     pub fn new(grid: &PaddedGrid) -> Self {
         let (nx, ny) = (grid.width + 1, grid.height + 1);
-        let mut field = ClearanceField { nx, ny, squared: vec![0; nx * ny] };
-        field.columns(grid);
-        field.rows();
-        field
-    }
-
-    /// First pass: distance (not squared) to the nearest feature in the same column.
-    fn columns(&mut self, grid: &PaddedGrid) {
-        let (nx, ny) = (self.nx, self.ny);
-        let far = (nx + ny) as u32;
-        for j in 0..ny {
-            for i in 0..nx {
-                let (x, y) = (i as i64, j as i64);
-                let on_border = i == 0 || j == 0 || i + 1 == nx || j + 1 == ny;
-                let feature = on_border
-                    || grid.is_blocked(x, y)
-                    || grid.is_blocked(x - 1, y)
-                    || grid.is_blocked(x, y - 1)
-                    || grid.is_blocked(x - 1, y - 1);
-                let above = if j == 0 { far } else { self.squared[(j - 1) * nx + i] };
-                self.squared[j * nx + i] = if feature { 0 } else { (above + 1).min(far) };
-            }
-        }
-        for j in (0..ny - 1).rev() {
-            for i in 0..nx {
-                let below = self.squared[(j + 1) * nx + i] + 1;
-                let here = &mut self.squared[j * nx + i];
-                *here = (*here).min(below);
-            }
-        }
-    }
-
-    /// Second pass: lower envelope of the parabolas `(x - i)^2 + g(i)^2` along each row.
-    fn rows(&mut self) {
-        let nx = self.nx;
-        let mut apex: Vec<i64> = Vec::with_capacity(nx);
-        let mut from: Vec<i64> = Vec::with_capacity(nx);
-        let mut height: Vec<i64> = vec![0; nx];
-        for row in self.squared.chunks_exact_mut(nx) {
-            for (h, &g) in height.iter_mut().zip(row.iter()) {
-                *h = i64::from(g) * i64::from(g);
-            }
-            apex.clear();
-            from.clear();
-            apex.push(0);
-            from.push(0);
-            for u in 1..nx as i64 {
-                let value = |x: i64, i: i64| (x - i) * (x - i) + height[i as usize];
-                while let (Some(&i), Some(&start)) = (apex.last(), from.last()) {
-                    if value(start, i) <= value(start, u) {
-                        break;
-                    }
-                    apex.pop();
-                    from.pop();
-                }
-                match apex.last() {
-                    None => {
-                        apex.push(u);
-                        from.push(0);
-                    }
-                    Some(&i) => {
-                        // First x where parabola u is below parabola i.
-                        let crossing = (u * u - i * i + height[u as usize] - height[i as usize]).div_euclid(2 * (u - i)) + 1;
-                        if crossing < nx as i64 {
-                            apex.push(u);
-                            from.push(crossing);
-                        }
-                    }
-                }
-            }
-            let mut segment = apex.len() - 1;
-            for x in (0..nx as i64).rev() {
-                while from[segment] > x {
-                    segment -= 1;
-                }
-                let i = apex[segment];
-                row[x as usize] = ((x - i) * (x - i) + height[i as usize]) as u32;
-            }
-        }
+        let squared = squared_distances(nx, ny, |i, j| {
+            let on_border = i == 0 || j == 0 || i + 1 == nx || j + 1 == ny;
+            let cell = |x: usize, y: usize| grid.blocked[y * grid.width + x];
+            on_border || cell(i, j) || cell(i - 1, j) || cell(i, j - 1) || cell(i - 1, j - 1)
+        });
+        ClearanceField { nx, ny, squared }
     }
 
     pub fn squared(&self, i: usize, j: usize) -> u32 {
@@ -118,6 +45,65 @@ impl ClearanceField {
         }
         f64::from(self.squared(i as usize, j as usize)).sqrt()
     }
+}
+
+/// Squared distance from every point of an `nx` x `ny` lattice to the nearest feature, exact; `(nx + ny)^2` if there is none.
+pub(crate) fn squared_distances(nx: usize, ny: usize, is_feature: impl Fn(usize, usize) -> bool) -> Vec<u32> {
+    // First pass: distance (not squared) to the nearest feature in the same column.
+    let far = (nx + ny) as u32;
+    let mut distance = vec![0u32; nx * ny];
+    for j in 0..ny {
+        for i in 0..nx {
+            let above = if j == 0 { far } else { distance[(j - 1) * nx + i] };
+            distance[j * nx + i] = if is_feature(i, j) { 0 } else { (above + 1).min(far) };
+        }
+    }
+    for j in (0..ny.saturating_sub(1)).rev() {
+        for i in 0..nx {
+            let below = distance[(j + 1) * nx + i] + 1;
+            let here = &mut distance[j * nx + i];
+            *here = (*here).min(below);
+        }
+    }
+    // Second pass: lower envelope of the parabolas (x - i)^2 + height(i) along each row.
+    let mut apex: Vec<i64> = Vec::with_capacity(nx);
+    let mut from: Vec<i64> = Vec::with_capacity(nx);
+    let mut height: Vec<i64> = vec![0; nx];
+    for row in distance.chunks_exact_mut(nx) {
+        for (h, &g) in height.iter_mut().zip(row.iter()) {
+            *h = i64::from(g) * i64::from(g);
+        }
+        apex.clear();
+        from.clear();
+        for u in 0..nx as i64 {
+            let value = |x: i64, i: i64| (x - i) * (x - i) + height[i as usize];
+            while let (Some(&i), Some(&start)) = (apex.last(), from.last()) {
+                if value(start, i) <= value(start, u) {
+                    break;
+                }
+                apex.pop();
+                from.pop();
+            }
+            let first = match apex.last() {
+                None => 0,
+                // The first x where parabola u is below parabola i.
+                Some(&i) => (u * u - i * i + height[u as usize] - height[i as usize]).div_euclid(2 * (u - i)) + 1,
+            };
+            if first < nx as i64 {
+                apex.push(u);
+                from.push(first);
+            }
+        }
+        let mut segment = apex.len() - 1;
+        for x in (0..nx as i64).rev() {
+            while from[segment] > x {
+                segment -= 1;
+            }
+            let i = apex[segment];
+            row[x as usize] = ((x - i) * (x - i) + height[i as usize]) as u32;
+        }
+    }
+    distance
 }
 
 #[cfg(test)]
