@@ -217,8 +217,12 @@ mod local {
             let mut random = SplitMix(seed);
             let graph = VisibilityGraph::build(&picture.view(), 0.406).unwrap();
             let start = Point2::new(2.5, 2.0);
-            let goal = Point2::new(1.0 + 15.0 * random.unit(), 1.0 + 8.0 * random.unit());
-            let Some(route) = graph.route(&start, &goal) else { continue };
+            let wish = Point2::new(1.0 + 15.0 * random.unit(), 1.0 + 8.0 * random.unit());
+            let (goal, _) = graph.nearest_reachable(&start, &wish).expect("the start is free");
+            let route = graph.route(&start, &goal).expect("reachable");
+            if route.length_m < 2.0 {
+                continue;
+            }
             let (start, goal) = (route.points[0], route.points[route.points.len() - 1]);
             let (seconds, least, status) = drive(&picture, (start.x, start.y, 3.0), goal, LocalPolicyConfig::default());
             println!("seed {seed}: {:.1} m in {seconds:.1} s, least distance {least:.3} m, {status:?}", route.length_m);

@@ -247,7 +247,9 @@ impl LocalPolicy {
             let wanted = self.approach(pose, &to_end, final_heading);
             return (self.first_safe(pose, now, &[wanted, Twist { w: 0.0, ..wanted }]), LocalStatus::Driving);
         }
-        let carrot = path.toward(&p, s, self.config.lookahead_m);
+        // In the narrow the corner is not to be cut.
+        let ahead = self.config.lookahead_m * (clearance_m / self.config.slow_clearance_m).clamp(0.5, 1.0);
+        let carrot = path.toward(&p, s, ahead);
         let error = wrap(carrot.y.atan2(carrot.x) - pose.yaw);
         self.decide_to_turn(error);
         if let Mode::Turn { direction } = self.mode {
@@ -431,7 +433,7 @@ impl LocalPolicy {
         let near = ((c.slow_clearance_m - roll.clearance_bound_m) / c.slow_clearance_m).clamp(0.0, 1.5);
         let hit = roll.hit_s.map_or(0.0, |t| 2.0 + 2.0 * (1.0 - t / c.horizon_s));
         let change = (way.w - self.last.w).abs() / c.max_yaw_rate_radps + (way.vy - self.last.vy).abs();
-        1.5 * (1.0 - progress.clamp(-1.0, 1.0)) + 2.0 * off_path + 0.4 * heading + 0.6 * near * near + hit + 0.08 * change
+        1.5 * (1.0 - progress.clamp(-1.0, 1.0)) + 2.0 * off_path + 0.4 * heading + 1.2 * near * near + hit + 0.08 * change
     }
 
     /// Where `way` leads within `time_s`, up to the first contact.

@@ -73,7 +73,7 @@ pub fn flat(door_m: f64, seed: u64) -> Picture {
             let (x0, y0) = (0.5 + column as f64 * rw, 0.5 + row as f64 * rh);
             if seed > 0 {
                 for _ in 0..3 {
-                    let (w, h) = (0.3 + 0.6 * random.unit(), 0.3 + 0.6 * random.unit());
+                    let (w, h) = (0.3 + 0.4 * random.unit(), 0.3 + 0.4 * random.unit());
                     let (x, y) = (x0 + 0.1 + random.unit() * (rw - w - 0.2), y0 + 0.1 + random.unit() * (rh - h - 0.2));
                     picture.block(x, y, x + w, y + h);
                 }
