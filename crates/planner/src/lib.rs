@@ -7,3 +7,5 @@ pub use ground::grid::{GridView, GroundError};
 pub use ground::visibility::{Route, VisibilityGraph};
 #[cfg(feature = "ground")]
 pub use ground::local_policy::{LocalCommand, LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus};
+#[cfg(feature = "air")]
+pub mod air;
