@@ -114,9 +114,10 @@ pub const CLASSES: &[Class] = &[
     row("bench", Form::Bench, [(0.90, 1.30), (0.36, 0.42), (0.44, 0.48)], Floor, Front, WOODS, WOOD, "sitting while waiting", &["coffee table", "shoe cabinet"]),
     // Tables
     row("dining table", Form::Table, [(1.40, 1.80), (0.80, 0.95), (0.73, 0.76)], Floor, Any, WOODS, WOOD, "eating meals", &["desk", "conference table"]),
+    row("kitchen table", Form::Table, [(0.80, 1.10), (0.62, 0.74), (0.73, 0.76)], Floor, Any, WOODS, WOOD, "having breakfast", &["dining table", "desk"]),
     row("coffee table", Form::Table, [(0.80, 1.10), (0.45, 0.60), (0.38, 0.46)], Floor, Any, WOODS, &["wood", "glass", "metal"], "putting down cups and magazines", &["bench", "side table"]),
     row("side table", Form::Table, [(0.42, 0.50), (0.40, 0.46), (0.50, 0.60)], Floor, Front, WOODS, &["wood", "metal"], "keeping small things at hand", &["stool", "nightstand"]),
-    row("conference table", Form::Table, [(2.00, 2.60), (0.95, 1.15), (0.73, 0.76)], Floor, Any, WOODS, BOARD, "holding meetings", &["dining table", "workbench"]),
+    row("conference table", Form::Table, [(2.00, 2.60), (0.85, 1.00), (0.73, 0.76)], Floor, Any, WOODS, BOARD, "holding meetings", &["dining table", "workbench"]),
     row("desk", Form::Desk, [(1.20, 1.60), (0.65, 0.78), (0.72, 0.76)], Floor, Front, WOODS, BOARD, "working and writing", &["dining table", "workbench"]),
     row("workbench", Form::Bench2, [(1.50, 2.10), (0.68, 0.78), (0.88, 0.92)], Floor, Front, &["white", "grey", "beige", "blue"], &["steel", "laminate"], "doing experiments", &["desk", "counter"]),
     row("console table", Form::Table, [(0.80, 1.10), (0.30, 0.36), (0.74, 0.82)], Floor, Front, WOODS, WOOD, "dropping keys and letters", &["side table", "desk"]),
@@ -141,7 +142,7 @@ pub const CLASSES: &[Class] = &[
     row("fridge", Form::Fridge, [(0.60, 0.72), (0.62, 0.68), (1.65, 1.90)], Floor, Front, &["white", "grey", "red", "black"], &["steel", "plastic"], "keeping food cold", &["wardrobe", "vending machine"]),
     row("dishwasher", Form::Washer, [(0.60, 0.60), (0.58, 0.60), (0.85, 0.88)], Floor, Front, &["white", "grey"], METAL, "washing dishes", &["washing machine", "stove"]),
     // Bathroom and laundry
-    row("toilet", Form::Toilet, [(0.38, 0.42), (0.62, 0.70), (0.76, 0.82)], Floor, Front, &["white", "pink"], CERAMIC, "relieving oneself", &["stool", "bathtub"]),
+    row("toilet", Form::Toilet, [(0.38, 0.42), (0.62, 0.70), (0.76, 0.82)], Floor, Front, &["white", "beige"], CERAMIC, "relieving oneself", &["stool", "bathtub"]),
     row("bathtub", Form::Bathtub, [(1.60, 1.75), (0.72, 0.80), (0.56, 0.60)], Floor, Any, &["white", "beige"], &["enamel", "plastic"], "taking a bath", &["sink", "bed"]),
     row("washing machine", Form::Washer, [(0.60, 0.60), (0.58, 0.62), (0.85, 0.87)], Floor, Front, &["white", "grey", "black"], METAL, "washing clothes", &["dryer", "dishwasher"]),
     row("dryer", Form::Washer, [(0.60, 0.60), (0.58, 0.62), (0.85, 0.87)], Floor, Front, &["white", "grey"], METAL, "drying clothes", &["washing machine", "dishwasher"]),

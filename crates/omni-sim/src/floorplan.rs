@@ -28,7 +28,13 @@ pub const UNIT_M: f64 = 0.05;
 /// Centre lines are drawn on even units only (10 cm), as builders do.
 const STEP: i32 = 2;
 /// Plans drawn for each storey.
-const TRIALS: usize = 600;
+const TRIALS: usize = 300;
+/// Most plans drawn: large buildings are hard to fit, so they get more tries until a few acceptable plans are found.
+const TRIALS_MAX: usize = 6000;
+/// Acceptable plans to choose from.
+const ACCEPTED: usize = 10;
+/// Orders of rooms tried along each strip.
+const STRIP_ORDERS: usize = 10;
 /// Wall-to-wall width of a stairwell, units: two flights of 1.25 m.
 pub const STAIRWELL_WIDTH: i32 = 54;
 
@@ -110,7 +116,11 @@ fn draw_spine(rng: &mut impl Rng, style: Style, rooms: &[usize]) -> Option<Vec<S
     let most = rooms.iter().copied().max()?;
     let with_stairs = rooms.len() > 1;
     let mut best: Option<(f64, Vec<StoreyPlan>)> = None;
-    for _ in 0..TRIALS {
+    let mut accepted = 0;
+    for trial in 0..TRIALS_MAX {
+        if trial >= TRIALS && accepted >= ACCEPTED {
+            break;
+        }
         let corridors = corridor_count(rng, most);
         let stairs = usize::from(with_stairs);
         let wishes: Vec<Vec<RoomWish>> = rooms
@@ -141,7 +151,11 @@ fn draw_spine(rng: &mut impl Rng, style: Style, rooms: &[usize]) -> Option<Vec<S
             cost += c;
             plans.push(plan);
         }
-        if plans.len() == rooms.len() && best.as_ref().is_none_or(|(b, _)| cost < *b) {
+        if plans.len() < rooms.len() {
+            continue;
+        }
+        accepted += 1;
+        if best.as_ref().is_none_or(|(b, _)| cost < *b) {
             best = Some((cost, plans));
         }
     }
@@ -217,13 +231,35 @@ fn fill_skeleton(
             taken += more;
             next += 1;
         }
-        cost += fill_strip(rng, strip, &wishes[from..next], &mut rooms)?;
+        let (strip_cost, strip_rooms) = fill_strip_well(rng, strip, &wishes[from..next])?;
+        cost += strip_cost;
+        rooms.extend(strip_rooms);
     }
     if next != wishes.len() {
         return None;
     }
     cost -= neighbour_bonus(&rooms);
     Some((cost, StoreyPlan { rooms }))
+}
+
+/// The best of several orders of the rooms along a strip.
+fn fill_strip_well(
+    rng: &mut impl Rng,
+    strip: &Strip,
+    wishes: &[RoomWish],
+) -> Option<(f64, Vec<PlanRoom>)> {
+    let mut order = wishes.to_vec();
+    let mut best: Option<(f64, Vec<PlanRoom>)> = None;
+    for _ in 0..STRIP_ORDERS {
+        let mut rooms = Vec::new();
+        if let Some(cost) = fill_strip(rng, strip, &order, &mut rooms)
+            && best.as_ref().is_none_or(|(b, _)| cost < *b)
+        {
+            best = Some((cost, rooms));
+        }
+        order.shuffle(rng);
+    }
+    best
 }
 
 /// Cuts one strip into slots: a room each, or a small room in the corner of a larger one.
@@ -294,7 +330,7 @@ fn fill_strip(
                 let small_cells = strip.cells(s0, s1, 0, small_depth);
                 let main = strip.cells(b0, b1, 0, depth);
                 let behind = strip.cells(s0, s1, small_depth, depth);
-                cost += room_cost(small, &[small_cells])? + room_cost(big, &[main, behind])? + 0.05;
+                cost += room_cost(small, &[small_cells])? + room_cost(big, &[main, behind])? - 0.06;
                 rooms.push(PlanRoom {
                     kind: small.kind,
                     parts: vec![small_cells],
@@ -377,7 +413,13 @@ fn room_cost(wish: &RoomWish, parts: &[Cells]) -> Option<f64> {
     let small = is_small(wish.kind);
     let (least_side, least_area) = if small { (2.2, 6.0) } else { (2.9, 9.5) };
     // The main part of an L may be as narrow as a small room, since the rest widens it.
-    let side_needed = if parts.len() > 1 { 2.5 } else { least_side };
+    let side_needed = match wish.kind {
+        _ if parts.len() > 1 => 2.5,
+        // A table with chairs on both sides and a way round it.
+        RoomKind::MeetingRoom => 4.3,
+        RoomKind::DiningRoom => 3.7,
+        _ => least_side,
+    };
     if parts[0].short_m() < side_needed || area < least_area || area > 42.0 {
         return None;
     }

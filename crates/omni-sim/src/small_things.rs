@@ -184,7 +184,7 @@ fn things_on(support: &str, kind: RoomKind) -> (&'static [&'static str], Likely,
     match (support, kind) {
         ("counter", _) => (&[], &[("mug", 5.0), ("kettle", 3.0), ("toaster", 2.5), ("bowl", 3.0), ("bottle", 3.0), ("plate", 2.5), ("microwave", 2.5), ("coffee machine", 2.0), ("vase", 0.5)], (1, 3)),
         ("dining table", K::Lounge) => (&[], &[("mug", 3.0), ("bottle", 2.0), ("book", 1.0), ("laptop", 1.0)], (1, 3)),
-        ("dining table", _) => (&[], &[("bowl", 3.0), ("plate", 3.0), ("mug", 2.5), ("vase", 2.5), ("bottle", 2.0), ("book", 0.7)], (2, 4)),
+        ("dining table" | "kitchen table", _) => (&[], &[("bowl", 3.0), ("plate", 3.0), ("mug", 2.5), ("vase", 2.5), ("bottle", 2.0), ("book", 0.7)], (2, 4)),
         ("coffee table", _) => (&[], &[("book", 3.0), ("mug", 2.0), ("bowl", 1.5), ("vase", 1.5), ("laptop", 0.7), ("bottle", 0.7)], (1, 3)),
         ("side table", K::PrintRoom) => (&[], &[("paper stack", 3.0), ("printer", 1.0)], (1, 1)),
         ("side table", _) => (&[], &[("lamp", 3.0), ("book", 2.0), ("mug", 1.5), ("vase", 1.0)], (1, 2)),

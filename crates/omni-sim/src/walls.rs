@@ -128,7 +128,10 @@ impl StoreyWalls {
             plan.rooms.iter().position(|r| {
                 r.parts.iter().any(|c| {
                     let units = |v: i32| f64::from(v) * UNIT_M;
-                    p.x > units(c.x0) && p.x < units(c.x1) && p.y > units(c.y0) && p.y < units(c.y1)
+                    p.x >= units(c.x0)
+                        && p.x < units(c.x1)
+                        && p.y >= units(c.y0)
+                        && p.y < units(c.y1)
                 })
             })
         };
