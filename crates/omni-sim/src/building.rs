@@ -6,6 +6,7 @@
 use nalgebra::{Point2, Point3};
 use thiserror::Error;
 
+pub use crate::generator::generate;
 use crate::mesh::{Mover, TriangleMesh};
 
 /// What to build.
