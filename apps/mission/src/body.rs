@@ -118,7 +118,7 @@ impl Body {
                 let target = fly.reachable_target(&world.navigation, &here);
                 let air = AirSpace {
                     distance: &|point: &Point3<f64>| world.field.distance(point),
-                    obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.surface_points(low, high),
+                    obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
                 };
                 fly.replan(target, &air);
             }),

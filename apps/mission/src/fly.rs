@@ -4,7 +4,7 @@
 //! as the map shows something inside the robot's ball along the rest of it.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::{AirConfig, AirPlan, FlightState, plan_air};
+use planner::{AirConfig, FlightState, PolynomialTrajectory, plan_air};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus};
@@ -50,7 +50,7 @@ pub struct Fly {
     status: GoalStatus,
     attempts: u32,
     /// Trajectory and the time on it.
-    flying: Option<(AirPlan, f64)>,
+    flying: Option<(PolynomialTrajectory, f64)>,
     /// Set-point when nothing is flown.
     hover: Point3<f64>,
     yaw_rad: f64,
@@ -167,7 +167,7 @@ impl Fly {
         };
         let goal = Point3::new(target.x, target.y, self.flight_height_m);
         let ends_there = self.flying.as_ref().is_some_and(|(plan, _)| {
-            let end = plan.trajectory.sample(plan.trajectory.duration_s()).position;
+            let end = plan.sample(plan.duration()).p;
             (end - goal).norm() < 0.15
         });
         if is_free && ends_there {
@@ -178,7 +178,7 @@ impl Fly {
             Ok(plan) => {
                 self.attempts = 0;
                 self.path = plan.route.iter().map(|point| point.xy()).collect();
-                self.flying = Some((plan, 0.0));
+                self.flying = Some((plan.trajectory, 0.0));
             }
             Err(_) => self.fail_once("no certified trajectory through what is known"),
         }
@@ -199,8 +199,8 @@ impl Fly {
         // The map's voxels may shift by their size between two looks: only a real intrusion counts.
         let ball_m = self.config.radius_m - 0.05;
         let mut at_s = *t_s;
-        while at_s < plan.trajectory.duration_s() {
-            let point = plan.trajectory.sample(at_s).position;
+        while at_s < plan.duration() {
+            let point = plan.sample(at_s).p;
             if (air.distance)(&point).is_some_and(|distance_m| distance_m < ball_m) {
                 return false;
             }
@@ -213,35 +213,21 @@ impl Fly {
     fn state(&self) -> FlightState {
         match &self.flying {
             Some((plan, t_s)) => {
-                let sample = plan.trajectory.sample(*t_s);
-                FlightState {
-                    position: sample.position,
-                    velocity: sample.velocity,
-                    acceleration: sample.acceleration,
-                }
+                let sample = plan.sample(*t_s);
+                FlightState { p: sample.p, v: sample.v, a: sample.a }
             }
-            None => FlightState {
-                position: self.hover,
-                velocity: Vector3::zeros(),
-                acceleration: Vector3::zeros(),
-            },
+            None => FlightState::resting_at(self.hover),
         }
     }
 
     /// Replaces what is flown by a short braking trajectory.
     fn stop_here(&mut self) {
-        if let Some((plan, t_s)) = self.flying.take() {
-            let sample = plan.trajectory.sample(t_s);
-            let state = FlightState {
-                position: sample.position,
-                velocity: sample.velocity,
-                acceleration: sample.acceleration,
-            };
-            self.hover = sample.position;
-            if state.velocity.norm() > 0.05 {
-                let stop = planner::stop_trajectory(&state, &self.config);
-                self.hover = stop.trajectory.sample(stop.trajectory.duration_s()).position;
-                self.flying = Some((stop, 0.0));
+        if self.flying.is_some() {
+            let state = self.state();
+            self.hover = state.p;
+            self.flying = None;
+            if state.v.norm() > 0.05 {
+                self.flying = Some((planner::stop_trajectory(&state, self.config.max_accel_mps2), 0.0));
             }
         }
         self.path.clear();
@@ -274,11 +260,11 @@ impl Fly {
             Phase::Flying => {
                 if let Some((plan, t_s)) = &mut self.flying {
                     *t_s += self.period_s;
-                    let sample = plan.trajectory.sample(t_s.min(plan.trajectory.duration_s()));
-                    self.hover = sample.position;
-                    if *t_s < plan.trajectory.duration_s() {
-                        velocity = sample.velocity;
-                        acceleration = sample.acceleration;
+                    let sample = plan.sample(t_s.min(plan.duration()));
+                    self.hover = sample.p;
+                    if *t_s < plan.duration() {
+                        velocity = sample.v;
+                        acceleration = sample.a;
                         jerk = sample.jerk;
                     } else {
                         self.flying = None;

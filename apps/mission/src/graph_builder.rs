@@ -178,7 +178,7 @@ impl GraphBuilder {
         }
         self.last_pose_ns = odometry.stamp.0;
         if graph.agent(SELF).is_none() {
-            let _ = graph.apply(Op::PutAgent(Box::new(dsg::Agent::new(SELF, "robot"))));
+            let _ = graph.apply(Op::PutAgent(Box::new(dsg::Agent { id: SELF, name: "robot".into(), trajectory: Vec::new() })));
         }
         let pose = AgentPose { stamp_ns: odometry.stamp.0, world_from_body: odometry.world_from_body };
         let _ = graph.apply(Op::AddAgentPose(SELF, pose));

@@ -66,7 +66,7 @@ pub struct Mission {
     pub(crate) t_moved_s: Option<Stamp>,
     pub(crate) is_interrupted: bool,
     pub(crate) interest: Vec<u64>,
-    pub(crate) nouns: Vec<String>,
+    pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
     pub(crate) step_index: usize,
     /// Decisions in a row without an accepted action.
     pub(crate) unsure: u32,
@@ -113,7 +113,7 @@ impl Mission {
             t_moved_s: None,
             is_interrupted: false,
             interest: Vec::new(),
-            nouns: instruction.nouns(),
+            nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
             step_index: 0,
             unsure: 0,
             memory: StepMemory::default(),

@@ -13,6 +13,8 @@ use octant_prompt::{
     Estimate, TokenCounter, build_prompt_for, decide_with_critic,
 };
 
+use octant_prompt::vocabulary::{Class, class_similarity};
+
 use crate::approach::{floor_distance_m, stand_before};
 use crate::config::MissionConfig;
 use crate::goal::{Goal, GoalStatus};
@@ -172,11 +174,13 @@ impl Mission {
 
     /// What is known of the kinds of things that the instruction names, as numbers that change when it matters.
     fn interest(&self) -> Vec<u64> {
+        // Look-alikes count: a cup may turn out to be the mug.
+        const LOOK_ALIKE: f64 = 0.5;
         let nouns = &self.nouns;
         self.world
             .graph
             .confirmed_objects()
-            .filter(|object| nouns.iter().any(|noun| octant_prompt::is_kind_of(&object.label, noun)))
+            .filter(|object| nouns.iter().any(|noun| class_similarity(noun, &Class::new(&object.label)) >= LOOK_ALIKE))
             .flat_map(|object| [object.id.0, object.room.map_or(u64::MAX, |room| room.0)])
             .collect()
     }
@@ -359,8 +363,7 @@ impl Mission {
             }
             Action::TurnTo(octant) => {
                 let (_, _, yaw_rad) = odometry.world_from_body.rotation.euler_angles();
-                let direction = octant.direction_in_body();
-                Some(Goal::Turn { heading_rad: yaw_rad + direction.y.atan2(direction.x) })
+                Some(Goal::Turn { heading_rad: yaw_rad + octant.heading_rad() })
             }
             Action::Stop(_) | Action::GiveUp { .. } => None,
         }

@@ -5,7 +5,7 @@
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 
 use nalgebra::{Point2, Point3};
-use topo_ph::{Graph, GraphError, PinchConfig, pinch};
+use topo_ph::{Graph, GraphError, PinchConfig, PinchError, pinch};
 use volumetric_map::{Cell, OccupancyGrid, clearance, fill_islands};
 
 /// How rooms are cut out of the slice.
@@ -63,13 +63,17 @@ pub struct Doorway {
 
 impl RoomMap {
     /// Cuts `slice` into rooms. An empty slice has none.
-    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, GraphError> {
+    ///
+    /// # Errors
+    /// [`PinchError`] if the configuration makes no sense.
+    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, PinchError> {
         // 1. Furniture that stands alone is filled.
         let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
         // 2. Clearance of every free cell; what nobody saw counts as a wall.
         let clearance_m = clearance(&grid, true);
         // 3. The graph of free cells, eight neighbours each.
-        let (graph, cell_of_vertex) = pixel_graph(&grid, &clearance_m)?;
+        let (graph, cell_of_vertex) =
+            pixel_graph(&grid, &clearance_m).expect("clearances are finite and edges join cells of the grid");
         // 4. The partition.
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];

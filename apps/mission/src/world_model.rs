@@ -178,7 +178,8 @@ impl WorldModel {
             self.ignored.scans += 1;
             return;
         };
-        self.ignored.points += straight.dropped.total() as u64;
+        let dropped = &straight.dropped;
+        self.ignored.points += (dropped.non_finite + dropped.outside_time) as u64;
         let points = straight.points_in_world();
         let origin = straight.sensor_origin_in_world();
         let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
@@ -253,7 +254,7 @@ impl WorldModel {
 
     /// One image: which point belongs to which mask, which object to which masks.
     fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) {
-        let Some(world_from_body) = self.trajectory.at(panorama.stamp) else {
+        let Some(world_from_body) = self.trajectory.pose(panorama.stamp) else {
             self.ignored.images += 1;
             return;
         };
@@ -343,11 +344,6 @@ impl WorldModel {
             let point = from + way * (step as f64 / steps as f64);
             self.volume.observe(&point) != Cell::Occupied
         })
-    }
-
-    /// Points on surfaces in a box, as exact as the mesh: what a corridor must keep clear of.
-    pub fn surface_points(&self, low: &Point3<f64>, high: &Point3<f64>) -> Vec<Point3<f64>> {
-        self.volume.surface_points(low, high)
     }
 
     /// Name of each label id that the volume carries.
