@@ -139,6 +139,11 @@ impl ObjectMemory {
         self.rebin(by.cast::<f32>());
     }
 
+    /// Sorts voxels that came from a file.
+    pub(crate) fn settle(&mut self) {
+        self.rebin(Vector3::zeros());
+    }
+
     fn rebin(&mut self, by: Vector3<f32>) {
         let old = std::mem::take(&mut self.cells);
         let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
@@ -306,7 +311,7 @@ fn percentile(along: impl Iterator<Item = (f64, f64)>, weight: f64) -> f64 {
     last
 }
 
-fn key_of(point: &Point3<f32>, voxel_m: f64) -> [i32; 3] {
+pub(crate) fn key_of(point: &Point3<f32>, voxel_m: f64) -> [i32; 3] {
     [0, 1, 2].map(|k| (f64::from(point[k]) / voxel_m).floor() as i32)
 }
 

@@ -245,7 +245,7 @@ fn elongation(points: &[Vector2<f64>]) -> f64 {
 
 /// Names from kinds where they are sure enough; "room N" otherwise; a user's name always. The older room keeps the plain
 /// name, later ones are numbered.
-fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
+pub(crate) fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
     let mut taken: BTreeSet<String> =
         rooms.iter().filter(|room| room.is_user_named).map(|room| room.name.clone()).collect();
     let mut order: Vec<usize> = (0..rooms.len()).filter(|&at| !rooms[at].is_user_named).collect();
@@ -276,7 +276,7 @@ fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
 }
 
 /// Whether a name is the kind, or the kind and a number.
-fn is_numbered(name: &str, kind: &str) -> bool {
+pub(crate) fn is_numbered(name: &str, kind: &str) -> bool {
     match name.strip_prefix(kind) {
         Some("") => true,
         Some(rest) => rest.strip_prefix(' ').is_some_and(|n| n.parse::<u32>().is_ok()),

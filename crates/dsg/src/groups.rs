@@ -1,0 +1,347 @@
+//! Functional groups: objects of a room that are near each other and used together.
+//!
+//! Affinity of two objects: `exp(-gap / 0.8 m) (0.5 + 0.5 c)`, c in [0, 1] being how well their classes go together (1 also if
+//! one stands on the other). Pairs above 0.35 are joined, best first, while the group stays within 4 m across. A pair that
+//! is in one group already gets 0.1 more, so that groups do not flicker.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::Vector3;
+
+use crate::bounds::Aabb;
+use crate::graph::SceneGraph;
+use crate::group::Group;
+use crate::ids::{GroupId, ObjectId};
+use crate::labels::label_similarity;
+use crate::object::Object;
+use crate::op::{ConfigError, Op, OpError};
+use crate::relation::{RelationKind, Verdict};
+
+/// What makes a group.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroupConfig {
+    /// Largest gap between the boxes of a joined pair. Default 1.5 m.
+    pub reach_m: f64,
+    /// Length over which affinity falls to 1/e. Default 0.8 m.
+    pub decay_m: f64,
+    /// Affinity above which a pair is joined. Default 0.35.
+    pub min_affinity: f64,
+    /// What a pair of one group gets on top. Default 0.1.
+    pub hysteresis: f64,
+    /// Largest horizontal extent of a group. Default 4.0 m.
+    pub max_extent_m: f64,
+}
+
+impl Default for GroupConfig {
+    fn default() -> GroupConfig {
+        GroupConfig { reach_m: 1.5, decay_m: 0.8, min_affinity: 0.35, hysteresis: 0.1, max_extent_m: 4.0 }
+    }
+}
+
+impl GroupConfig {
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        for (field, value) in [
+            ("reach_m", self.reach_m),
+            ("decay_m", self.decay_m),
+            ("min_affinity", self.min_affinity),
+            ("max_extent_m", self.max_extent_m),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ConfigError { field, rule: "positive and finite" });
+            }
+        }
+        if !(self.hysteresis >= 0.0 && self.hysteresis.is_finite()) {
+            return Err(ConfigError { field: "hysteresis", rule: "finite and not negative" });
+        }
+        Ok(())
+    }
+}
+
+/// Things that carry or organise others, with their rank: the highest rank in a group, then the largest, names it.
+const SUPPORTS: &[(&str, u32)] = &[
+    ("dining table", 5),
+    ("meeting table", 5),
+    ("conference table", 5),
+    ("reception desk", 5),
+    ("bed", 5),
+    ("desk", 4),
+    ("workbench", 4),
+    ("lab bench", 4),
+    ("sofa", 4),
+    ("kitchen counter", 4),
+    ("counter", 4),
+    ("table", 3),
+    ("coffee table", 2),
+    ("sideboard", 2),
+    ("tv stand", 2),
+    ("bookshelf", 2),
+    ("shelf", 2),
+    ("sink", 1),
+    ("side table", 1),
+    ("nightstand", 1),
+    ("cabinet", 1),
+];
+
+/// Sets of classes that are used together.
+const TOGETHER: &[&[&str]] = &[
+    &["dining table", "table", "chair", "dining chair", "plate", "bowl", "mug", "glass", "vase", "bottle", "candle"],
+    &["desk", "office chair", "chair", "monitor", "keyboard", "mouse", "laptop", "lamp", "computer", "printer", "book",
+      "notebook", "mug", "phone", "filing cabinet", "headphones", "pen holder", "trash can"],
+    &["sofa", "armchair", "coffee table", "tv", "tv stand", "rug", "pillow", "floor lamp", "side table", "blanket", "remote"],
+    &["bed", "nightstand", "lamp", "pillow", "blanket", "dresser", "alarm clock"],
+    &["kitchen counter", "counter", "stove", "sink", "fridge", "microwave", "oven", "dishwasher", "kettle", "toaster",
+      "mug", "pot", "pan", "plate", "bowl", "coffee machine", "bottle", "cabinet", "dish rack", "knife block"],
+    &["toilet", "sink", "bathtub", "shower", "mirror", "towel", "soap", "toothbrush", "bathroom cabinet", "toilet paper"],
+    &["meeting table", "conference table", "office chair", "chair", "whiteboard", "projector", "projector screen", "tv"],
+    &["washing machine", "dryer", "laundry basket", "detergent", "ironing board", "drying rack"],
+    &["printer", "copier", "paper shredder", "shelf", "cabinet", "paper tray"],
+    &["bookshelf", "shelf", "book", "vase", "box", "globe", "armchair"],
+    &["workbench", "lab bench", "microscope", "oscilloscope", "stool", "monitor", "computer", "toolbox", "robot arm"],
+    &["coat rack", "shoe rack", "umbrella stand", "mirror", "bench"],
+];
+
+/// How well two classes go together, in `[0, 1]`.
+pub fn co_occurrence(a: &str, b: &str) -> f64 {
+    let share = |set: &[&str], label: &str| {
+        set.iter().map(|class| label_similarity(class, label)).filter(|s| *s >= 0.8).fold(0.0, f64::max)
+    };
+    TOGETHER.iter().map(|set| share(set, a) * share(set, b)).fold(0.0, f64::max)
+}
+
+/// Recomputes the groups of confirmed, unmoving objects, room by room. A group keeps its id while most of its members stay.
+/// One batch; no revision if nothing changed.
+///
+/// # Errors
+/// A bad configuration.
+pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64, OpError> {
+    config.validate()?;
+    let clusters = clusters(graph, config);
+    let ids = identify(graph, &clusters);
+    let mut groups: Vec<Group> =
+        clusters.iter().zip(&ids).map(|(members, id)| describe(graph, members, *id)).collect();
+    name_groups(graph, &mut groups);
+    let gone = graph.groups().map(|group| group.id).filter(|id| !ids.contains(id));
+    let mut ops: Vec<Op> = gone.map(Op::RemoveGroup).collect();
+    // Members that change group leave first, so that no group is put with a member it loses again.
+    for group in &groups {
+        if graph.group(group.id).is_some_and(|known| known.members != group.members) {
+            ops.push(Op::RemoveGroup(group.id));
+        }
+    }
+    ops.extend(groups.into_iter().map(|group| Op::PutGroup(Box::new(group))));
+    Ok(graph.apply(Op::Batch(ops))?.revision)
+}
+
+fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>> {
+    let objects: Vec<&Object> =
+        graph.confirmed_objects().filter(|object| object.room.is_some() && !object.is_dynamic()).collect();
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    let mut order: Vec<usize> = (0..objects.len()).collect();
+    order.sort_by(|a, b| objects[*a].bounds.min.x.total_cmp(&objects[*b].bounds.min.x).then(a.cmp(b)));
+    for (at, &i) in order.iter().enumerate() {
+        let reach = objects[i].bounds.max.x + config.reach_m;
+        for &j in order[at + 1..].iter().take_while(|&&j| objects[j].bounds.min.x <= reach) {
+            let affinity = affinity(graph, objects[i], objects[j], config);
+            if affinity > config.min_affinity {
+                pairs.push((affinity, i.min(j), i.max(j)));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+
+    let mut cluster_of: Vec<usize> = (0..objects.len()).collect();
+    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> =
+        objects.iter().map(|object| (object.bounds, BTreeSet::from([object.id]))).collect();
+    for (_, i, j) in pairs {
+        let (a, b) = (cluster_of[i].min(cluster_of[j]), cluster_of[i].max(cluster_of[j]));
+        if a == b {
+            continue;
+        }
+        let joined = clusters[a].0.union(&clusters[b].0);
+        let sides = joined.sides_m();
+        if sides.x.hypot(sides.y) <= config.max_extent_m {
+            let members = std::mem::take(&mut clusters[b].1);
+            clusters[a].0 = joined;
+            clusters[a].1.extend(members);
+            cluster_of.iter_mut().filter(|cluster| **cluster == b).for_each(|cluster| *cluster = a);
+        }
+    }
+    clusters.into_iter().map(|(_, members)| members).filter(|members| members.len() >= 2).collect()
+}
+
+fn affinity(graph: &SceneGraph, a: &Object, b: &Object, config: &GroupConfig) -> f64 {
+    if a.room != b.room {
+        return 0.0;
+    }
+    let gap_m = a.bounds.gap_m(&b.bounds);
+    if gap_m > config.reach_m {
+        return 0.0;
+    }
+    let carries = |kind| {
+        let holds = |key| graph.relations.get(&key).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+        holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
+    };
+    let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
+    let together = if is_carried { 1.0 } else { co_occurrence(&a.label, &b.label) };
+    let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
+    (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
+}
+
+/// The old group with the largest Jaccard overlap above 0.3, otherwise a new id.
+fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId> {
+    let mut overlaps: Vec<(f64, GroupId, usize)> = Vec::new();
+    for group in graph.groups() {
+        for (at, members) in clusters.iter().enumerate() {
+            let common = group.members.iter().filter(|member| members.contains(member)).count() as f64;
+            let jaccard = common / (group.members.len() as f64 + members.len() as f64 - common);
+            if jaccard > 0.3 {
+                overlaps.push((jaccard, group.id, at));
+            }
+        }
+    }
+    overlaps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut ids: Vec<Option<GroupId>> = vec![None; clusters.len()];
+    for (_, group, at) in overlaps {
+        if ids[at].is_none() && !ids.contains(&Some(group)) {
+            ids[at] = Some(group);
+        }
+    }
+    let mut next = graph.next_group_id();
+    let fresh = |id: Option<GroupId>| {
+        id.unwrap_or_else(|| {
+            next.0 += 1;
+            GroupId(next.0 - 1)
+        })
+    };
+    ids.into_iter().map(fresh).collect()
+}
+
+fn describe(graph: &SceneGraph, members: &BTreeSet<ObjectId>, id: GroupId) -> Group {
+    let objects: Vec<&Object> = members.iter().filter_map(|member| graph.object(*member)).collect();
+    let support = objects.iter().max_by(|a, b| {
+        let key = |object: &Object| (rank(&object.label), object.bounds.volume_m3());
+        let (x, y) = (key(a), key(b));
+        x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)).then(b.id.cmp(&a.id))
+    });
+    // The support as it was stays the support while nothing outranks it: volumes breathe.
+    let known = graph.group(id).and_then(|group| group.support).filter(|known| members.contains(known));
+    let support = match (known.and_then(|known| graph.object(known)), support) {
+        (Some(known), Some(best)) if rank(&known.label) >= rank(&best.label) => Some(known),
+        (_, best) => best.copied(),
+    };
+    let sum: Vector3<f64> = objects.iter().map(|object| object.centroid.coords).sum();
+    let center = sum / objects.len().max(1) as f64;
+    Group {
+        id,
+        name: support.map_or_else(String::new, |support| support.label.clone()) + " group",
+        support: support.map(|support| support.id),
+        members: members.iter().copied().collect(),
+        room: objects.first().and_then(|object| object.room),
+        // To the centimetre: boxes breathe, and that is no news.
+        center: center.map(|x| (x * 100.0).round() / 100.0).into(),
+    }
+}
+
+fn rank(label: &str) -> u32 {
+    let exact = SUPPORTS.iter().find(|(class, _)| *class == label);
+    let narrower = || SUPPORTS.iter().find(|(class, _)| label_similarity(class, label) >= 0.8);
+    exact.or_else(narrower).map_or(0, |(_, rank)| *rank)
+}
+
+/// Makes names unique: the group that has a name keeps it, others are numbered.
+fn name_groups(graph: &SceneGraph, groups: &mut [Group]) {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    let mut by_id: BTreeMap<GroupId, usize> = groups.iter().enumerate().map(|(at, group)| (group.id, at)).collect();
+    by_id.retain(|id, at| {
+        let base = &groups[*at].name;
+        let old = graph.group(*id).map(|known| known.name.clone());
+        match old.filter(|old| crate::rooms::is_numbered(old, base) && taken.insert(old.clone())) {
+            Some(old) => {
+                groups[*at].name = old;
+                false
+            }
+            None => true,
+        }
+    });
+    for at in by_id.into_values() {
+        let base = groups[at].name.clone();
+        let mut name = base.clone();
+        let mut number = 1;
+        while !taken.insert(name.clone()) {
+            number += 1;
+            name = format!("{base} {number}");
+        }
+        groups[at].name = name;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::ids::RoomId;
+    use crate::room::Room;
+
+    fn scene(things: &[(&str, f64, f64)]) -> SceneGraph {
+        let mut graph = SceneGraph::new();
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
+        for (at, (label, x, y)) in things.iter().enumerate() {
+            put(&mut graph, at as u64 + 1, label, *x, *y);
+        }
+        graph
+    }
+
+    fn put(graph: &mut SceneGraph, id: u64, label: &str, x: f64, y: f64) {
+        let bounds = Aabb::from_center(Point3::new(x, y, 0.4), Vector3::new(0.5, 0.5, 0.8));
+        let object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(id), label, bounds) };
+        graph.apply(Op::PutObject(Box::new(object))).unwrap();
+    }
+
+    #[test]
+    fn chairs_join_their_table_and_a_far_shelf_does_not() {
+        let mut graph = scene(&[
+            ("chair", 0.7, 0.0),
+            ("dining table", 0.0, 0.0),
+            ("chair", -0.7, 0.0),
+            ("bookshelf", 3.0, 3.0),
+        ]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let groups: Vec<&Group> = graph.groups().collect();
+        assert_eq!(groups.len(), 1);
+        assert_eq!(groups[0].name, "dining table group");
+        assert_eq!(groups[0].members, [ObjectId(1), ObjectId(2), ObjectId(3)]);
+        assert_eq!(graph.object(ObjectId(4)).unwrap().group, None);
+        graph.check_invariants().unwrap();
+        let revision = graph.revision();
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        assert_eq!(graph.revision(), revision);
+    }
+
+    #[test]
+    fn a_member_that_moves_a_little_stays_and_the_id_survives() {
+        // Desk and chair, affinity 1: exp(-gap / 0.8) is 0.35 at a gap of 0.84 m, with hysteresis 0.25 at 1.11 m.
+        let config = GroupConfig::default();
+        let mut graph = scene(&[("desk", 0.0, 0.0), ("office chair", 1.2, 0.0), ("monitor", 0.0, 0.6)]);
+        update_groups(&mut graph, &config).unwrap();
+        let id = graph.groups().next().unwrap().id;
+        assert_eq!(graph.group(id).unwrap().members.len(), 3);
+        put(&mut graph, 2, "office chair", 1.4, 0.0);
+        update_groups(&mut graph, &config).unwrap();
+        assert_eq!(graph.group(id).unwrap().members.len(), 3, "hysteresis");
+        put(&mut graph, 2, "office chair", 3.4, 0.0);
+        update_groups(&mut graph, &config).unwrap();
+        assert_eq!(graph.group(id).unwrap().members, [ObjectId(1), ObjectId(3)]);
+        graph.check_invariants().unwrap();
+    }
+
+    #[test]
+    fn two_desks_have_two_names() {
+        let mut graph =
+            scene(&[("desk", 0.0, 0.0), ("monitor", 0.0, 0.6), ("desk", 6.0, 0.0), ("monitor", 6.0, 0.6)]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let names: Vec<&str> = graph.groups().map(|group| group.name.as_str()).collect();
+        assert_eq!(names, ["desk group", "desk group 2"]);
+    }
+}
