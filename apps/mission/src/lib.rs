@@ -1,1 +1,42 @@
-//! mission
+//! The robot's side of a mission: one sensor stream in, one command sink out, the closed loop between.
+//!
+//! ```text
+//! source (simulator | bag | live robot) --SensorEvent--> Mission --Command--> sink (simulator | PX4 | Unitree)
+//! ```
+//!
+//! [`cycle`] is the reading file: perceive, abstract, reason, verify, plan, move, in the order of the paper's system figure. This crate wires the
+//! independent crates of the house together and holds what only makes sense for a robot that has all of them. It does not know the
+//! simulator: the truth cannot reach it, for it does not compile.
+
+pub mod approach;
+pub mod archive;
+pub mod autopilot;
+pub mod body;
+pub mod config;
+pub mod coverage;
+pub mod cycle;
+pub mod drive;
+pub mod error;
+pub mod fly;
+pub mod goal;
+pub mod graph_builder;
+pub mod journal;
+pub mod llm_reasoner;
+pub mod mission;
+pub mod navigation;
+pub mod openai;
+pub mod reach;
+pub mod reasoning;
+pub mod rooms;
+pub mod stream;
+pub mod world_model;
+
+// The parts, for those who hold a mission: the arena and the toolbox see the crates of the robot's side only through it.
+pub use dsg;
+pub use octant_prompt;
+pub use omni_perception;
+pub use planner;
+pub use robot_link;
+pub use robot_model;
+pub use topo_ph;
+pub use volumetric_map;

@@ -118,7 +118,11 @@ impl Edit<'_> {
             }
             Op::Transform(motion) => self.transform(&motion),
             Op::Batch(ops) => ops.into_iter().try_for_each(|op| self.run(op)),
-            Op::SetTo(changes) => changes.into_iter().try_for_each(|change| self.set_to(change)),
+            Op::SetTo(changes) => {
+                changes.into_iter().try_for_each(|change| self.set_to(change))?;
+                // The states come from outside: together they must make a graph.
+                self.graph.check_invariants().map_err(|_| OpError::NotTheRecordedState)
+            }
         }
     }
 

@@ -1,1 +1,19 @@
 //! omni-sim
+pub mod building;
+pub mod caption;
+pub mod catalog;
+pub mod colors;
+pub mod doors;
+pub mod floorplan;
+pub mod furniture;
+pub mod generator;
+pub mod mesh;
+pub mod models;
+pub mod passage;
+pub mod placement;
+pub mod program;
+pub mod scenes;
+pub mod shape;
+pub mod skeleton;
+pub mod small_things;
+pub mod walls;

@@ -1,0 +1,185 @@
+//! `bench nav`: many buildings, many sentences, one table.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use mission::robot_model::{RobotKind, RobotModel};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::cli::word;
+use crate::run::{RunConfig, run};
+use crate::run_folder::RunFolder;
+use crate::scenario::{Scenario, draw_scenario};
+use crate::summary::Summary;
+use crate::write_run::write_run;
+
+/// What was drawn: how hard the bench is.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Drawn {
+    /// Number of runs by number of rooms.
+    pub rooms: BTreeMap<usize, usize>,
+    /// Share of each kind of sentence.
+    pub kinds: BTreeMap<String, f64>,
+    /// Share of runs whose target is not visible from the start.
+    pub target_hidden: f64,
+    /// Share of runs with another object of the target's class that is not right.
+    pub rival_exists: f64,
+    /// Median of the shortest ways.
+    pub shortest_median_m: f64,
+}
+
+/// The result of a bench, as `--json` prints it.
+#[derive(Debug, Clone, Serialize)]
+pub struct BenchNav {
+    /// `ground` or `aerial`.
+    pub robot: String,
+    /// Number of runs.
+    pub scenes: usize,
+    /// Seed of the bench.
+    pub seed: u64,
+    /// Share of successes.
+    pub success_rate: f64,
+    /// Mean SPL.
+    pub spl_mean: f64,
+    /// Touches in all runs.
+    pub collisions: usize,
+    /// Simulated seconds of all runs over seconds on the wall.
+    pub realtime_factor: f64,
+    /// Seconds on the wall.
+    pub wall_s: f64,
+    /// What was drawn.
+    pub drawn: Drawn,
+    /// Every run.
+    pub runs: Vec<Summary>,
+}
+
+/// Draws and runs. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
+/// every run is written below it. Progress goes to stderr unless `is_quiet`.
+pub fn bench_nav(
+    robot: &RobotModel,
+    kind: RobotKind,
+    scenes: usize,
+    seed: u64,
+    config: &RunConfig,
+    keep: Option<&Path>,
+    is_quiet: bool,
+    stop: &Arc<AtomicBool>,
+) -> Result<BenchNav> {
+    let start = Instant::now();
+    let bar = if is_quiet { ProgressBar::hidden() } else { ProgressBar::new(scenes as u64) };
+    bar.set_style(
+        ProgressStyle::with_template("{elapsed_precise} [{bar:30}] {pos}/{len} {msg}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar()),
+    );
+    let successes = std::sync::atomic::AtomicUsize::new(0);
+    let outcomes: Vec<(Summary, Option<Facts>)> = (0..scenes)
+        .into_par_iter()
+        .map(|index| {
+            let outcome = one_run(robot, kind, seed, index, config, keep, stop);
+            let done = successes.fetch_add(usize::from(outcome.0.success), Ordering::Relaxed);
+            bar.inc(1);
+            bar.set_message(format!("{} right", done + usize::from(outcome.0.success)));
+            if !is_quiet && !outcome.0.success {
+                bar.println(format!("run {index}: {} | \"{}\" | {}", outcome.0.scene, outcome.0.instruction, outcome.0.reason));
+            }
+            outcome
+        })
+        .collect();
+    bar.finish_and_clear();
+
+    let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();
+    let drawn = drawn(&facts);
+    let runs: Vec<Summary> = outcomes.into_iter().map(|(summary, _)| summary).collect();
+    let count = runs.len().max(1) as f64;
+    let wall_s = start.elapsed().as_secs_f64();
+    Ok(BenchNav {
+        robot: word(kind).to_owned(),
+        scenes,
+        seed,
+        success_rate: runs.iter().filter(|run| run.success).count() as f64 / count,
+        spl_mean: runs.iter().map(|run| run.spl).sum::<f64>() / count,
+        collisions: runs.iter().map(|run| run.collisions).sum(),
+        realtime_factor: runs.iter().map(|run| run.sim_s).sum::<f64>() / wall_s.max(1e-9),
+        wall_s,
+        drawn,
+        runs,
+    })
+}
+
+struct Facts {
+    rooms: usize,
+    kind: String,
+    is_target_visible: bool,
+    has_rival: bool,
+    shortest_m: f64,
+}
+
+fn one_run(
+    robot: &RobotModel,
+    kind: RobotKind,
+    seed: u64,
+    index: usize,
+    config: &RunConfig,
+    keep: Option<&Path>,
+    stop: &Arc<AtomicBool>,
+) -> (Summary, Option<Facts>) {
+    let failed = |reason: String| Summary {
+        reason,
+        robot: word(kind).to_owned(),
+        model: robot.name.clone(),
+        seed,
+        ..Summary::default()
+    };
+    let scenario = match draw_scenario(seed, index, robot, config.mission.flight_height_m) {
+        Ok(scenario) => scenario,
+        Err(error) => return (failed(format!("could not be drawn: {error:#}")), None),
+    };
+    let Scenario { scene, task, start, seed: run_seed, is_target_visible, has_rival, shortest_m, rooms } = scenario;
+    let facts = Facts { rooms, kind: kind_word(&task), is_target_visible, has_rival, shortest_m };
+    let result = run(config, robot, &scene, &task, &start, None, run_seed, stop, &mut |_| {});
+    let summary = match result {
+        Ok(result) => {
+            let summary = result.summary.clone();
+            if let Some(folder) = keep {
+                let written = RunFolder::new(&folder.join(format!("{}-{seed}-{index:03}", word(kind))))
+                    .and_then(|folder| write_run(&folder, &result, &scene, &task).map(|()| folder))
+                    .and_then(RunFolder::publish);
+                if let Err(error) = written {
+                    return (failed(format!("the run folder could not be written: {error:#}")), Some(facts));
+                }
+            }
+            summary
+        }
+        Err(error) => failed(format!("could not be run: {error:#}")),
+    };
+    (summary, Some(facts))
+}
+
+/// The word of a task's kind in the figures.
+pub fn kind_word(task: &crate::task::Task) -> String {
+    match serde_json::to_value(task.kind) {
+        Ok(serde_json::Value::String(word)) => word,
+        _ => "given".into(),
+    }
+}
+
+fn drawn(facts: &[&Facts]) -> Drawn {
+    let count = facts.len().max(1) as f64;
+    let mut drawn = Drawn::default();
+    let mut ways: Vec<f64> = facts.iter().map(|f| f.shortest_m).collect();
+    ways.sort_by(f64::total_cmp);
+    for fact in facts {
+        *drawn.rooms.entry(fact.rooms).or_default() += 1;
+        *drawn.kinds.entry(fact.kind.clone()).or_default() += 1.0 / count;
+    }
+    drawn.target_hidden = facts.iter().filter(|f| !f.is_target_visible).count() as f64 / count;
+    drawn.rival_exists = facts.iter().filter(|f| f.has_rival).count() as f64 / count;
+    drawn.shortest_median_m = ways.get(ways.len() / 2).copied().unwrap_or(0.0);
+    drawn
+}

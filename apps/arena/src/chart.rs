@@ -1,0 +1,58 @@
+//! Curves over time as SVG text.
+
+use plotters::prelude::*;
+
+/// Draws one or more curves over a common time axis. `unit` names the vertical axis.
+pub fn curves(title: &str, unit: &str, series: &[(&str, Vec<(f64, f64)>)]) -> String {
+    const SIZE: (u32, u32) = (560, 190);
+    const COLORS: [RGBColor; 3] = [RGBColor(31, 119, 180), RGBColor(214, 39, 40), RGBColor(44, 160, 44)];
+    let finite = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        points.iter().copied().filter(|(t, y)| t.is_finite() && y.is_finite()).collect()
+    };
+    let series: Vec<(&str, Vec<(f64, f64)>)> = series.iter().map(|(name, points)| (*name, finite(points))).collect();
+    let all = || series.iter().flat_map(|(_, points)| points.iter());
+    let end_s = all().map(|(t, _)| *t).fold(1.0, f64::max);
+    let low = all().map(|(_, y)| *y).fold(0.0, f64::min);
+    let high = all().map(|(_, y)| *y).fold(low + 1e-3, f64::max);
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let drawn = (|| -> Result<(), Box<dyn std::error::Error>> {
+            let mut chart = ChartBuilder::on(&root)
+                .caption(title, ("sans-serif", 14))
+                .margin(6)
+                .x_label_area_size(26)
+                .y_label_area_size(46)
+                .build_cartesian_2d(0.0..end_s, low..high * 1.05)?;
+            chart.configure_mesh().x_desc("s").y_desc(unit).light_line_style(WHITE).x_labels(8).y_labels(5).draw()?;
+            for (index, (name, points)) in series.iter().enumerate() {
+                let color = COLORS[index % COLORS.len()];
+                let drawn = chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(1)))?;
+                if series.len() > 1 {
+                    drawn.label(*name).legend(move |(x, y)| PathElement::new([(x, y), (x + 14, y)], color));
+                }
+            }
+            if series.len() > 1 {
+                chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.2)).draw()?;
+            }
+            root.present()?;
+            Ok(())
+        })();
+        if drawn.is_err() {
+            return format!("<p>{title}: nothing to draw</p>");
+        }
+    }
+    svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_are_drawn_and_nothing_or_nan_does_no_harm() {
+        let svg = curves("speed", "m/s", &[("speed", vec![(0.0, 0.0), (1.0, 0.5), (2.0, f64::NAN)])]);
+        assert!(svg.starts_with("<svg") && svg.contains("polyline"), "{svg}");
+        assert!(curves("empty", "m", &[("none", Vec::new())]).contains("svg"));
+    }
+}

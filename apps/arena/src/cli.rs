@@ -1,0 +1,162 @@
+//! What both robots do with their command line: open the scene, run, tell the person, leave the right exit code.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
+
+use crate::options::Options;
+use crate::run::{Progress, RunConfig, run};
+use crate::run_folder::RunFolder;
+use crate::scenario::{Scene, draw_start, robot_truth};
+use crate::task::Task;
+use crate::write_run::write_run;
+
+/// Whole program of a reference robot. `default_scene` is the named scene used without `--scene`.
+pub fn robot_main(kind: RobotKind, default_scene: &str) -> ExitCode {
+    // Clap itself exits with 2 for bad usage and 0 for --help.
+    let options = Options::parse();
+    match command(&options, kind, default_scene) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Whether the run was a success.
+fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bool> {
+    options.validate()?;
+    let robot = load_robot(options.urdf.as_deref(), kind)?;
+    let scene_name = options.scene.clone().unwrap_or_else(|| default_scene.to_owned());
+    let out = options
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("runs").join(format!("{}-{scene_name}-{}", word(kind), options.seed)));
+    let folder = RunFolder::new(&out)?;
+    let known = options.known.as_deref().map(mission::archive::load).transpose()?;
+    let scene = Scene::open(&scene_name, &robot)?;
+    let task = Task::read(&options.instruction, &scene.building)?;
+    let config = RunConfig::new(options, kind)?;
+    let start = match (&options.known, &options.start) {
+        (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
+        _ => {
+            let referee = crate::referee::Referee::new(
+                &scene.building,
+                &scene.world,
+                robot_truth(&robot, config.mission.flight_height_m),
+                0,
+            );
+            draw_start(&referee, &robot, options.seed)?
+        }
+    };
+
+    let stop = Arc::new(AtomicBool::new(false));
+    let on_signal = Arc::clone(&stop);
+    ctrlc::set_handler(move || on_signal.store(true, Ordering::Relaxed)).context("listening for Ctrl-C")?;
+    let bar = progress_bar(options.quiet, config.max_time_s);
+    let result = run(&config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut |progress| {
+        show(&bar, progress);
+    })?;
+    bar.finish_and_clear();
+
+    write_run(&folder, &result, &scene, &task)?;
+    let path = folder.publish()?;
+    let summary = &result.summary;
+    println!("{}", summary.reason);
+    if !options.quiet {
+        println!(
+            "{} in {:.1} s of simulated time, {:.1} m of way (shortest {}), {} decisions, {} prompt tokens, {} collisions.",
+            if summary.success { "Success" } else { "No success" },
+            summary.sim_s,
+            summary.path_m,
+            summary.shortest_m.map_or("none".to_owned(), |m| format!("{m:.1} m")),
+            summary.decisions,
+            summary.prompt_tokens,
+            summary.collisions,
+        );
+        println!("Look at {}", path.join("report.html").display());
+    }
+    Ok(summary.success)
+}
+
+/// The word in summaries and folder names.
+pub fn word(kind: RobotKind) -> &'static str {
+    match kind {
+        RobotKind::Ground => "ground",
+        RobotKind::Aerial => "aerial",
+    }
+}
+
+/// The built-in robot of a kind, or the one in a URDF with its TOML: beside the file, or ours for robots we know.
+pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<RobotModel> {
+    let Some(urdf) = urdf else {
+        return Ok(match kind {
+            RobotKind::Ground => RobotModel::builtin_quadruped(),
+            RobotKind::Aerial => RobotModel::builtin_quadrotor(),
+        });
+    };
+    let text = std::fs::read_to_string(urdf).with_context(|| format!("reading the URDF {}", urdf.display()))?;
+    let beside = urdf.with_extension("toml");
+    let toml = if beside.is_file() {
+        std::fs::read_to_string(&beside).with_context(|| format!("reading {}", beside.display()))?
+    } else {
+        let name = mission::robot_model::robot_name(&text).unwrap_or_default();
+        builtin_toml(&name).unwrap_or("").to_owned()
+    };
+    let folder = urdf.parent().unwrap_or(std::path::Path::new("."));
+    let read_mesh = |file: &str| mesh_candidates(file, folder).into_iter().find_map(|path| std::fs::read(path).ok());
+    let robot = RobotModel::parse(&text, &toml, &read_mesh).with_context(|| {
+        format!("loading the robot {} (what URDF cannot carry is read from {})", urdf.display(), beside.display())
+    })?;
+    if robot.kind != kind {
+        bail!(
+            "{} is {} robot; this program is for {} robots, use omnivln-{}",
+            urdf.display(),
+            if robot.kind == RobotKind::Ground { "a ground" } else { "an aerial" },
+            word(kind),
+            word(robot.kind)
+        );
+    }
+    Ok(robot)
+}
+
+fn progress_bar(is_quiet: bool, max_time_s: f64) -> ProgressBar {
+    if is_quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(max_time_s as u64);
+    let style = ProgressStyle::with_template("{elapsed_precise} {spinner} {wide_msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) {
+    bar.set_position(progress.sim_s as u64);
+    let line = format!(
+        "t {:5.1} s | {} | {} rooms, {} objects | {} decisions | {:.1} m to go",
+        progress.sim_s, progress.activity, progress.rooms, progress.objects, progress.decisions, progress.left_m
+    );
+    if bar.is_hidden() || console_is_dumb() {
+        // Without a terminal a bar shows nothing: one line whenever the activity changes.
+        if progress.is_news && !bar.is_hidden() {
+            bar.println(line);
+        }
+    } else {
+        bar.set_message(line);
+    }
+}
+
+/// True where a bar cannot be drawn in place.
+fn console_is_dumb() -> bool {
+    !std::io::IsTerminal::is_terminal(&std::io::stderr())
+}

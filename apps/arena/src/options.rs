@@ -1,0 +1,142 @@
+//! The command line that both robots share.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use clap::{Parser, ValueEnum};
+
+/// How the LiDAR is mounted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LidarMount {
+    /// On a motor that turns about the vertical: sees all round, up and down.
+    Rotating,
+    /// The same sensor held still.
+    Fixed,
+}
+
+/// Find a thing in a building nobody has seen before: the robot explores, maps, builds a scene graph, reasons, plans and goes there.
+#[derive(Debug, Clone, Parser)]
+#[command(version, max_term_width = 110)]
+#[command(after_help = "Exit codes: 0 the robot stopped at the right place; 1 it stopped at the wrong place, gave up or was interrupted \
+(the sentence says why); 2 bad usage or input.\n\nWhat remains of a run: its folder holds report.html for people, summary.json and \
+decisions.jsonl for programs, the scene graph, the mesh, and truth/ with which anybody can judge the run again.")]
+pub struct Options {
+    /// What to do, in English: "find the mug near the sink", "go to the kitchen, then find the plant"
+    pub instruction: String,
+
+    /// The building: a name (flat, office, corridor, narrow-door, spin) or a number, the seed of a generated building
+    #[arg(long, value_name = "NAME|SEED")]
+    pub scene: Option<String>,
+
+    /// Seed of sensor noise, drift and start pose
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+
+    /// Robot to use instead of the built-in one; FILE.toml beside it carries what URDF cannot (robots we know need none)
+    #[arg(long, value_name = "FILE")]
+    pub urdf: Option<PathBuf>,
+
+    /// Run folder, by default runs/<robot>-<scene>-<seed>; an earlier run there is replaced once this one is complete
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Start with the scene graph and the map that an earlier run saved in DIR
+    #[arg(long, value_name = "DIR", requires = "start")]
+    pub known: Option<PathBuf>,
+
+    /// Start pose in the map of --known: metres and degrees
+    #[arg(long, value_name = "X,Y,Z,YAW", requires = "known", allow_hyphen_values = true, value_parser = parse_pose)]
+    pub start: Option<Pose>,
+
+    /// Base URL of an OpenAI-compatible server that reasons instead of the built-in reasoner, e.g. http://127.0.0.1:8091/v1
+    #[arg(long, value_name = "BASE_URL", requires = "model")]
+    pub llm: Option<String>,
+
+    /// Name of the model on that server
+    #[arg(long, value_name = "NAME", requires = "llm")]
+    pub model: Option<String>,
+
+    /// Mount of the LiDAR
+    #[arg(long, value_enum, default_value_t = LidarMount::Rotating)]
+    pub lidar: LidarMount,
+
+    /// Give up after so many seconds of simulated time
+    #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive)]
+    pub max_time: f64,
+
+    /// No progress, only the result
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// A pose on the command line: x, y, z in metres, yaw in degrees (turned into radians).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Position.
+    pub position_m: [f64; 3],
+    /// Heading, counter-clockwise from x.
+    pub yaw_rad: f64,
+}
+
+/// Reads `x,y,z,yaw` (metres, degrees).
+pub fn parse_pose(text: &str) -> Result<Pose, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>())
+        .collect::<Result<_, _>>()
+        .map_err(|_| format!("'{text}' is not four numbers x,y,z,yaw (metres and degrees), for example 1.0,2.5,0.3,90"))?;
+    match numbers[..] {
+        [x, y, z, yaw] if numbers.iter().all(|n| n.is_finite()) => {
+            Ok(Pose { position_m: [x, y, z], yaw_rad: yaw.to_radians() })
+        }
+        _ => Err(format!("'{text}' has {} numbers; x,y,z,yaw (metres and degrees) are four finite ones", numbers.len())),
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("'{text}' is not a positive number of seconds")),
+    }
+}
+
+impl Options {
+    /// Checks what clap cannot, before anything is built.
+    pub fn validate(&self) -> Result<()> {
+        if self.instruction.trim().is_empty() {
+            bail!("the instruction is empty; say for example \"find the mug near the sink\"");
+        }
+        const LONGEST: usize = 2000;
+        if self.instruction.len() > LONGEST {
+            bail!("the instruction has {} bytes; at most {LONGEST} are read", self.instruction.len());
+        }
+        if let Some(urdf) = &self.urdf {
+            std::fs::metadata(urdf).with_context(|| format!("reading the URDF {}", urdf.display()))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_are_read_or_refused_with_an_example() {
+        let pose = parse_pose("1, -2,0.3,90").unwrap();
+        assert_eq!(pose.position_m, [1.0, -2.0, 0.3]);
+        assert!((pose.yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert!(parse_pose("1,2,3").unwrap_err().contains("3 numbers"));
+        assert!(parse_pose("1,2,x,4").unwrap_err().contains("for example"));
+        assert!(parse_pose("1,2,NaN,4").is_err());
+    }
+
+    #[test]
+    fn options_that_need_each_other_are_checked() {
+        assert!(Options::try_parse_from(["ground", "find it", "--llm", "http://x"]).is_err());
+        assert!(Options::try_parse_from(["ground", "find it", "--max-time", "-3"]).is_err());
+        let options = Options::try_parse_from(["ground", "find the mug"]).unwrap();
+        assert_eq!(options.max_time, 600.0);
+        options.validate().unwrap();
+    }
+}

@@ -1,0 +1,329 @@
+//! One run: a mission in the simulator, from its first look to its stop, with the referee's verdict.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use mission::archive::Known;
+use mission::config::MissionConfig;
+use mission::journal::Journal;
+use mission::llm_reasoner::LlmReasoner;
+use mission::mission::{Mission, Outcome};
+use mission::octant_prompt::SymbolicReasoner;
+use mission::openai::ChatConfig;
+use mission::reasoning::Mind;
+use mission::robot_model::{RobotKind, RobotModel};
+use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
+
+use crate::bench_nav::kind_word;
+use crate::cli::word;
+use crate::drift::DriftConfig;
+use crate::options::{LidarMount, Options, Pose};
+use crate::referee::Referee;
+use crate::scenario::{Scene, robot_truth};
+use crate::simulation::{Simulation, SimulationConfig, Touch};
+use crate::summary::Summary;
+use crate::task::Task;
+
+/// Settings of a run that do not depend on the scene.
+#[derive(Debug, Clone)]
+pub struct RunConfig {
+    /// The robot's side.
+    pub mission: MissionConfig,
+    /// The world's side.
+    pub simulation: SimulationConfig,
+    /// Simulated time after which the run ends.
+    pub max_time_s: f64,
+    /// A language model instead of the embedded reasoner.
+    pub llm: Option<ChatConfig>,
+}
+
+impl RunConfig {
+    /// Defaults with what the command line says.
+    pub fn new(options: &Options, _kind: RobotKind) -> Result<RunConfig> {
+        let mut config = RunConfig::default();
+        config.max_time_s = options.max_time;
+        config.simulation.is_lidar_fixed = options.lidar == LidarMount::Fixed;
+        config.llm = match (&options.llm, &options.model) {
+            (Some(url), Some(model)) => Some(ChatConfig::new(url, model)),
+            _ => None,
+        };
+        Ok(config)
+    }
+}
+
+impl Default for RunConfig {
+    fn default() -> Self {
+        Self {
+            mission: MissionConfig::default(),
+            simulation: SimulationConfig { drift: DriftConfig::default(), ..SimulationConfig::default() },
+            max_time_s: 600.0,
+            llm: None,
+        }
+    }
+}
+
+/// What a person may want to see while it runs.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Progress {
+    /// Simulated time.
+    pub sim_s: f64,
+    /// What the robot is doing.
+    pub activity: String,
+    /// Rooms known.
+    pub rooms: usize,
+    /// Objects known.
+    pub objects: usize,
+    /// Decisions taken.
+    pub decisions: usize,
+    /// Way left to the present goal.
+    pub left_m: f64,
+    /// True when the activity changed since the last report.
+    pub is_news: bool,
+}
+
+/// The truth of a run, for `truth/`.
+#[derive(Debug, Clone, Default)]
+pub struct TruthLog {
+    /// True poses of the body, ten a second.
+    pub poses: Vec<(i64, Isometry3<f64>)>,
+    /// Every touch.
+    pub touches: Vec<Touch>,
+    /// Where the map's frame was in the building when the run began.
+    pub truth_from_map: Isometry3<f64>,
+    /// The steps that the robot declared done, with the referee's verdict on each.
+    pub steps: Vec<(usize, i64, bool)>,
+}
+
+/// Everything that a run leaves.
+pub struct RunResult {
+    /// Figures.
+    pub summary: Summary,
+    /// The robot's side at the end.
+    pub mission: Mission,
+    /// The world's side.
+    pub truth: TruthLog,
+}
+
+impl RunResult {
+    /// The robot's journal.
+    pub fn journal(&self) -> &Journal {
+        &self.mission.journal
+    }
+}
+
+/// Period of the control loop.
+const STEP_NS: i64 = 20_000_000;
+/// The robot stands still this long after it said stop, so that a swing or a slide still counts.
+const SETTLE_S: f64 = 0.6;
+
+/// Runs one mission. `stop` is looked at once per control period.
+#[allow(clippy::too_many_arguments)] // one for each thing that decides the run
+pub fn run(
+    config: &RunConfig,
+    robot: &RobotModel,
+    scene: &Scene,
+    task: &Task,
+    start: &Isometry3<f64>,
+    known: Option<Known>,
+    seed: u64,
+    stop: &Arc<AtomicBool>,
+    report: &mut dyn FnMut(&Progress),
+) -> Result<RunResult> {
+    let wall = Instant::now();
+    let referee =
+        Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
+
+    // Both sides. Without a known map the frame of the odometry begins at the robot: where in the building that is,
+    // nobody on the robot's side knows.
+    let start_in_map = match &known {
+        Some(known) => known.start,
+        None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
+    };
+    let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
+    let mind = match &config.llm {
+        Some(chat) => Mind::Remote(Box::new(LlmReasoner::new(chat.clone()))),
+        None => Mind::Embedded(Box::new(SymbolicReasoner::default())),
+    };
+    let mut mission = Mission::new(
+        robot,
+        &task.text,
+        config.mission.clone(),
+        simulation.camera(),
+        mind,
+        simulation.now(),
+        &start_in_map,
+    )?;
+    if let Some(known) = known {
+        mission.know(known);
+    }
+    simulation.set_phrases(mission.phrases());
+
+    // The loop: the world goes on for a step, the robot sees and commands.
+    let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
+    let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
+    let mut last = *start;
+    let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
+    loop {
+        let now_s = simulation.seconds();
+        let (events, took) = simulation.advance(&command, STEP_NS)?;
+        for (stage, elapsed) in took {
+            mission.journal.clock.book(stage, elapsed);
+        }
+        mission.perceive(events);
+        command = mission.cycle(simulation.now());
+
+        let pose = simulation.true_pose();
+        path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();
+        last = pose;
+        if simulation.steps() % 5 == 0 {
+            truth.poses.push((simulation.now().0, pose));
+        }
+        // Steps are judged at the moment the robot declares them, except the last one, judged when it stands.
+        while judged < mission.steps_done.len() && judged + 1 < task.steps.len() {
+            let done = task.steps.get(judged).is_some_and(|step| referee.is_done(step, &pose));
+            truth.steps.push((judged, simulation.now().0, done));
+            judged += 1;
+        }
+        if stop.load(Ordering::Relaxed) {
+            mission.interrupt();
+        }
+        if now_s >= next_report_s {
+            next_report_s = now_s + 0.5;
+            let activity = mission.activity();
+            let is_news = activity != last_activity;
+            last_activity.clone_from(&activity);
+            report(&Progress {
+                sim_s: now_s,
+                activity,
+                rooms: mission.world.graph.rooms().count(),
+                objects: mission.world.graph.confirmed_objects().count(),
+                decisions: mission.journal.decisions.len(),
+                left_m: mission.distance_left_m(),
+                is_news,
+            });
+        }
+        if mission.is_over() {
+            settle_s += STEP_NS as f64 * 1e-9;
+            if settle_s >= SETTLE_S {
+                break;
+            }
+        }
+        if now_s >= config.max_time_s {
+            is_timeout = true;
+            break;
+        }
+    }
+
+    // The verdict.
+    let pose = simulation.true_pose();
+    if let Some(last_step) = task.steps.last()
+        && matches!(mission.outcome, Some(Outcome::Stopped { .. }))
+    {
+        truth.steps.push((task.steps.len() - 1, simulation.now().0, referee.is_done(last_step, &pose)));
+    }
+    truth.touches = simulation.touches().to_vec();
+    let (success, reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
+    let start_at = Point2::from(start.translation.vector.xy());
+    let shortest_m = referee.shortest_m(&task.steps, &start_at);
+    let spl = match (success, shortest_m) {
+        (true, Some(shortest_m)) => {
+            if path_m.max(shortest_m) > 0.0 { shortest_m / path_m.max(shortest_m) } else { 1.0 }
+        }
+        _ => 0.0,
+    };
+    let stages = mission.journal.clock.figures();
+    let clearances = mission.journal.curves.iter().map(|c| c.clearance_m).filter(|c| c.is_finite());
+    let summary = Summary {
+        success,
+        reason,
+        robot: word(robot.kind).to_owned(),
+        model: robot.name.clone(),
+        scene: scene.name.clone(),
+        seed,
+        instruction: task.text.clone(),
+        kind: kind_word(task),
+        target: match &mission.outcome {
+            Some(Outcome::Stopped { target, .. }) => target.clone(),
+            _ => String::new(),
+        },
+        path_m,
+        shortest_m,
+        spl,
+        sim_s: simulation.seconds(),
+        wall_s: wall.elapsed().as_secs_f64(),
+        cpu_s: stages.values().map(|stage| stage.cpu_ms_total).sum::<f64>() / 1e3,
+        decisions: mission.journal.decisions.len(),
+        prompt_tokens: mission.journal.prompt_tokens(),
+        answer_tokens: mission.journal.answer_tokens(),
+        collisions: truth.touches.len(),
+        min_clearance_m: clearances.reduce(f64::min),
+        rooms_found: mission.world.graph.rooms().count(),
+        objects_found: mission.world.graph.confirmed_objects().count(),
+        interrupted: mission.is_interrupted(),
+        stages,
+    };
+    Ok(RunResult { summary, mission, truth })
+}
+
+/// Success and the sentence that explains it.
+fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, max_time_s: f64) -> (bool, String) {
+    if mission.is_interrupted() {
+        return (false, "The run was interrupted; the robot stopped safely.".into());
+    }
+    match &mission.outcome {
+        None if is_timeout => {
+            (false, format!("The robot did not arrive within {max_time_s:.0} s; it was {}.", mission.activity()))
+        }
+        None => (false, "The run ended before the robot decided anything.".into()),
+        Some(Outcome::GaveUp { reason }) => (false, format!("The robot gave up: {reason}")),
+        Some(Outcome::Stopped { target, .. }) => {
+            let wrong: Vec<usize> =
+                (0..task.steps.len()).filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done)).collect();
+            match wrong.first() {
+                None => (true, format!("The robot stopped at the right place ({target}).")),
+                Some(step) if task.steps.len() > 1 => {
+                    (false, format!("The robot stopped at {target}, but step {} was not done.", step + 1))
+                }
+                Some(_) => (false, format!("The robot stopped at {target}, which is the wrong place.")),
+            }
+        }
+    }
+}
+
+/// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.
+pub fn start_in_known_map(known: &Path, pose: &Pose, robot: &RobotModel) -> Result<Isometry3<f64>> {
+    let path = known.join("truth").join("frame.json");
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
+    let frame: Frame = serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))?;
+    let truth_from_map = Isometry3::from_parts(
+        Translation3::from(Vector3::from(frame.position_m)),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), frame.yaw_rad),
+    );
+    let mut start = truth_from_map * pose_in_map(pose);
+    // The robot is put on the floor whatever height was given: feet neither float nor sink.
+    start.translation.vector.z = frame.floor_m + robot.stance_height_m;
+    Ok(start)
+}
+
+/// `x,y,z,yaw` as a pose.
+pub fn pose_in_map(pose: &Pose) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::from(Vector3::from(pose.position_m)),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.yaw_rad),
+    )
+}
+
+/// `truth/frame.json`: where the map's frame was in the building when the run began.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Frame {
+    /// Origin of the map in the building.
+    pub position_m: [f64; 3],
+    /// Heading of the map's x axis.
+    pub yaw_rad: f64,
+    /// Height of the floor in the building.
+    pub floor_m: f64,
+}

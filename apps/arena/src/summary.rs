@@ -1,0 +1,59 @@
+//! `summary.json`: the figures of a run, with stable keys.
+
+use std::collections::BTreeMap;
+
+use mission::journal::StageFigures;
+use serde::Serialize;
+
+/// One run in figures. Everything except `wall_s`, `cpu_s` and the times in `stages` is the same for the same seeds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// The referee's verdict.
+    pub success: bool,
+    /// One sentence: why it ended, and what the referee saw.
+    pub reason: String,
+    /// `ground` or `aerial`.
+    pub robot: String,
+    /// Name of the robot model.
+    pub model: String,
+    /// Name or seed of the building.
+    pub scene: String,
+    /// Seed of noise, drift and start.
+    pub seed: u64,
+    /// What the robot heard.
+    pub instruction: String,
+    /// Kind of instruction.
+    pub kind: String,
+    /// What it took for the target, as it would say it; empty if it never decided.
+    pub target: String,
+    /// Length of the true path.
+    pub path_m: f64,
+    /// Length of the shortest way that does what was asked; `null` if there is none.
+    pub shortest_m: Option<f64>,
+    /// Success weighted by path length.
+    pub spl: f64,
+    /// Simulated time.
+    pub sim_s: f64,
+    /// Time on the wall.
+    pub wall_s: f64,
+    /// CPU time of the process; for runs in parallel, time of the run's stages.
+    pub cpu_s: f64,
+    /// Decisions taken.
+    pub decisions: usize,
+    /// Tokens in all prompts.
+    pub prompt_tokens: usize,
+    /// Tokens in all answers.
+    pub answer_tokens: usize,
+    /// Touches of anything.
+    pub collisions: usize,
+    /// Least distance between the robot's outline and an obstacle, as its local policy saw it; `null` before it moved.
+    pub min_clearance_m: Option<f64>,
+    /// Rooms in the scene graph.
+    pub rooms_found: usize,
+    /// Confirmed objects in the scene graph.
+    pub objects_found: usize,
+    /// True if a person stopped the run.
+    pub interrupted: bool,
+    /// Where the time went.
+    pub stages: BTreeMap<String, StageFigures>,
+}

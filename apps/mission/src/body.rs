@@ -1,0 +1,141 @@
+//! The two bodies behind one face: what the mind wants is the same, how it is done is not.
+
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use robot_model::{RobotKind, RobotModel};
+
+use crate::config::MissionConfig;
+use crate::drive::{Drive, DriveConfig};
+use crate::error::MissionError;
+use crate::fly::{AirSpace, Fly, Phase};
+use crate::goal::{Goal, GoalStatus};
+use crate::journal::StageClock;
+use crate::stream::Command;
+use crate::world_model::WorldModel;
+
+/// A body that carries out goals.
+pub enum Body {
+    /// On legs or wheels.
+    Ground(Box<Drive>),
+    /// With rotors.
+    Air(Box<Fly>),
+}
+
+impl Body {
+    /// The body of this robot, at rest on a floor at `floor_m`.
+    pub fn new(robot: &RobotModel, config: &MissionConfig, floor_m: f64) -> Result<Body, MissionError> {
+        Ok(match robot.kind {
+            RobotKind::Ground => {
+                let drive = DriveConfig { period_s: config.control_period_s, max_attempts: config.max_attempts };
+                Body::Ground(Box::new(Drive::new(robot, drive)?))
+            }
+            RobotKind::Aerial => Body::Air(Box::new(Fly::new(
+                robot,
+                floor_m + config.flight_height_m,
+                floor_m + robot.stance_height_m,
+                config.control_period_s,
+                config.max_attempts,
+            ))),
+        })
+    }
+
+    /// What to command before anything is known.
+    pub fn idle(&mut self) -> Command {
+        match self {
+            Body::Ground(_) => Command::Velocity { forward_mps: 0.0, left_mps: 0.0, yaw_rate_radps: 0.0 },
+            Body::Air(fly) => fly.command(&Isometry3::identity(), None),
+        }
+    }
+
+    /// Off the floor, if that is what this body does first.
+    pub fn begin(&mut self, world_from_body: &Isometry3<f64>) {
+        if let Body::Air(fly) = self {
+            fly.take_off(world_from_body);
+        }
+    }
+
+    /// Whether goals can be taken now.
+    pub fn is_ready(&self) -> bool {
+        match self {
+            Body::Ground(_) => true,
+            Body::Air(fly) => fly.phase() == Phase::Flying,
+        }
+    }
+
+    /// Whether the body has come to rest for good.
+    pub fn is_down(&self) -> bool {
+        match self {
+            Body::Ground(_) => true,
+            Body::Air(fly) => matches!(fly.phase(), Phase::Landed | Phase::Grounded),
+        }
+    }
+
+    /// Comes down where it is.
+    pub fn land(&mut self) {
+        if let Body::Air(fly) = self {
+            fly.land();
+        }
+    }
+
+    /// Takes a new goal.
+    pub fn set_goal(&mut self, goal: Goal) {
+        match self {
+            Body::Ground(drive) => drive.set_goal(goal),
+            Body::Air(fly) => fly.set_goal(goal),
+        }
+    }
+
+    /// How it goes with the present goal.
+    pub fn status(&self) -> &GoalStatus {
+        match self {
+            Body::Ground(drive) => drive.status(),
+            Body::Air(fly) => fly.status(),
+        }
+    }
+
+    /// The way still to go, seen from above.
+    pub fn path(&self) -> &[Point2<f64>] {
+        match self {
+            Body::Ground(drive) => drive.path(),
+            Body::Air(fly) => fly.path(),
+        }
+    }
+
+    /// Distance from the body to the nearest obstacle at the last command.
+    pub fn clearance_m(&self) -> f64 {
+        match self {
+            Body::Ground(drive) => drive.clearance_m(),
+            Body::Air(fly) => fly.clearance_m(),
+        }
+    }
+
+    /// Finds its way anew on a fresh map.
+    pub fn replan(&mut self, world: &WorldModel, clock: &mut StageClock) {
+        let Some(odometry) = &world.odometry else { return };
+        match self {
+            Body::Ground(drive) => clock.time("route", || drive.replan(&world.navigation, &odometry.world_from_body)),
+            Body::Air(fly) => clock.time("trajectory", || {
+                let here = Point2::from(odometry.world_from_body.translation.vector.xy());
+                let target = fly.reachable_target(&world.navigation, &here);
+                let air = AirSpace {
+                    distance: &|point: &Point3<f64>| world.field.distance(point),
+                    obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.surface_points(low, high),
+                };
+                fly.replan(target, &air);
+            }),
+        }
+    }
+
+    /// The command for the next period.
+    pub fn command(
+        &mut self,
+        world_from_body: &Isometry3<f64>,
+        velocity_in_body: Vector3<f64>,
+        obstacles: &[Point2<f32>],
+        distance_m: Option<f64>,
+    ) -> Command {
+        match self {
+            Body::Ground(drive) => drive.command(world_from_body, velocity_in_body, obstacles),
+            Body::Air(fly) => fly.command(world_from_body, distance_m),
+        }
+    }
+}

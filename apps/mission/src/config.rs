@@ -1,0 +1,76 @@
+//! All numbers of a mission in one place, with unit, meaning and reason.
+
+use octant_prompt::PromptConfig;
+use volumetric_map::VolumeConfig;
+
+use crate::coverage::CoverageConfig;
+use crate::rooms::RoomConfig;
+
+/// Rates, resolutions and patience of a mission. What depends on the robot comes from its
+/// [`RobotModel`](robot_model::RobotModel), not from here.
+#[derive(Debug, Clone)]
+pub struct MissionConfig {
+    /// Volume of the map; voxels of 5 cm, because doors of 1.0 m must stay open for a robot of 0.75 m.
+    pub volume: VolumeConfig,
+    /// Rooms.
+    pub rooms: RoomConfig,
+    /// Exploration.
+    pub coverage: CoverageConfig,
+    /// Text for the language model.
+    pub prompt: PromptConfig,
+    /// Distance field and places, default 0.10 m.
+    pub field_resolution_m: f64,
+    /// Distances beyond this are not computed, default 2.0 m.
+    pub field_max_distance_m: f64,
+    /// Mesh, distance field, places, rooms: every so many seconds, default 0.5.
+    pub refresh_period_s: f64,
+    /// Commands: every so many seconds, default 0.02.
+    pub control_period_s: f64,
+    /// Standing still at the start until the LiDAR's motor has turned once half round, default 1.2 s.
+    pub first_look_s: f64,
+    /// From the snapshot to the answer of the embedded reasoner, default 0.2 s: a robot goes on while somebody thinks,
+    /// and a replay must give the same bytes, so the delay is a number and not the clock.
+    pub reasoning_latency_s: f64,
+    /// Two decisions are at least this far apart, default 1.0 s.
+    pub decision_period_s: f64,
+    /// Labels wait so long for the scans around their image, default 0.4 s.
+    pub label_delay_s: f64,
+    /// ... and take points of scans at most this far from the image time, default 0.5 s.
+    pub label_window_s: f64,
+    /// The robot stops at most this far from the box of its target (floor distance), default 0.85 m: the referee asks
+    /// for 1.0 m, the rest is for odometry drift and the box.
+    pub stop_distance_m: f64,
+    /// Critiques before the embedded reasoner takes a step, default 3.
+    pub max_retries: usize,
+    /// Height at which the aerial robot flies, above the floor, default 1.2 m.
+    pub flight_height_m: f64,
+    /// Obstacles of the last scans are kept for this long, default 1.1 s: one turn of the LiDAR's motor shows all sides.
+    pub obstacle_memory_s: f64,
+    /// Tries to reach one goal before it counts as unreachable, default 3.
+    pub max_attempts: u32,
+}
+
+impl Default for MissionConfig {
+    fn default() -> Self {
+        Self {
+            volume: VolumeConfig::default(),
+            rooms: RoomConfig::default(),
+            coverage: CoverageConfig::default(),
+            prompt: PromptConfig::default(),
+            field_resolution_m: 0.10,
+            field_max_distance_m: 2.0,
+            refresh_period_s: 0.5,
+            control_period_s: 0.02,
+            first_look_s: 1.2,
+            reasoning_latency_s: 0.2,
+            decision_period_s: 1.0,
+            label_delay_s: 0.4,
+            label_window_s: 0.5,
+            stop_distance_m: 0.85,
+            max_retries: 3,
+            flight_height_m: 1.2,
+            obstacle_memory_s: 1.1,
+            max_attempts: 3,
+        }
+    }
+}

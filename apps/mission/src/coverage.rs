@@ -1,0 +1,315 @@
+//! What the robot has looked at closely, and where something is left to see.
+//!
+//! Small things are recognised only from nearby, so a region counts as inspected when the camera was within
+//! `inspect_range_m` of it with nothing between. A frontier is a patch of known free space that is not inspected yet, or
+//! that borders space nobody has measured. Frontiers keep their identity while they shrink.
+
+use nalgebra::{Point2, Vector2};
+use rustc_hash::FxHashSet;
+use volumetric_map::{Cell, OccupancyGrid};
+
+/// How coverage is judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoverageConfig {
+    /// Distance up to which things are recognised, default 3.5 m.
+    pub inspect_range_m: f64,
+    /// Edge of a coverage cell, default 0.2 m.
+    pub cell_m: f64,
+    /// Patches smaller than this are not worth a trip, default 0.5 m².
+    pub min_area_m2: f64,
+    /// A frontier keeps its identity while its middle moves less than this between updates, default 1.5 m.
+    pub identity_m: f64,
+    /// Patches are cut to about this size so that each is one trip, default 3 m.
+    pub patch_m: f64,
+}
+
+impl Default for CoverageConfig {
+    fn default() -> Self {
+        Self { inspect_range_m: 3.5, cell_m: 0.2, min_area_m2: 0.5, identity_m: 1.5, patch_m: 3.0 }
+    }
+}
+
+/// A patch of free space that is worth a look.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frontier {
+    /// Stable while the patch exists, never used again.
+    pub id: u64,
+    /// A free cell of the patch, nearest to its middle.
+    pub at: Point2<f64>,
+    /// Number of coverage cells in it.
+    pub cells: u32,
+}
+
+/// The inspected part of the plane and the frontiers that remain.
+#[derive(Debug, Clone)]
+pub struct Coverage {
+    config: CoverageConfig,
+    inspected: FxHashSet<(i32, i32)>,
+    given_up: FxHashSet<(i32, i32)>,
+    frontiers: Vec<Frontier>,
+    next_id: u64,
+}
+
+impl Coverage {
+    /// Nothing seen yet.
+    pub fn new(config: CoverageConfig) -> Self {
+        Self { config, inspected: FxHashSet::default(), given_up: FxHashSet::default(), frontiers: Vec::new(), next_id: 0 }
+    }
+
+    /// Frontiers in ascending id.
+    pub fn frontiers(&self) -> &[Frontier] {
+        &self.frontiers
+    }
+
+    /// Whether the cell at `point` was inspected.
+    pub fn is_inspected(&self, point: &Point2<f64>) -> bool {
+        self.inspected.contains(&self.cell_of(point))
+    }
+
+    /// Marks what the camera at `eye` sees on `slice`: every cell within range that no occupied or unknown cell hides.
+    pub fn look(&mut self, eye: &Point2<f64>, slice: &OccupancyGrid) {
+        let range_m = self.config.inspect_range_m;
+        let step_m = 0.5 * slice.resolution_m.max(0.05);
+        // Neighbouring rays are half a coverage cell apart at full range.
+        let rays = (std::f64::consts::TAU * range_m / (0.5 * self.config.cell_m)).ceil() as usize;
+        for ray in 0..rays {
+            let bearing_rad = std::f64::consts::TAU * ray as f64 / rays as f64;
+            let direction = Vector2::new(bearing_rad.cos(), bearing_rad.sin());
+            let mut along_m = 0.0;
+            while along_m <= range_m {
+                let point = eye + direction * along_m;
+                let content = slice.cell_of(&point).map_or(Cell::Unknown, |(ix, iy)| slice.get(ix, iy));
+                // Close to the robot the sensors are blind, yet nothing can be there.
+                if content != Cell::Free && along_m > 0.5 {
+                    break;
+                }
+                let cell = self.cell_of(&point);
+                self.inspected.insert(cell);
+                along_m += step_m;
+            }
+        }
+    }
+
+    /// Marks everything free in `slice` as inspected: it was, another day.
+    pub fn know(&mut self, slice: &OccupancyGrid) {
+        for iy in 0..slice.height {
+            for ix in 0..slice.width {
+                if slice.get(ix, iy) == Cell::Free {
+                    let cell = self.cell_of(&slice.center(ix, iy));
+                    self.inspected.insert(cell);
+                }
+            }
+        }
+    }
+
+    /// Never offers the patch round `at` again: nobody can get there.
+    pub fn give_up(&mut self, at: &Point2<f64>) {
+        let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;
+        let (cx, cy) = self.cell_of(at);
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                if dx * dx + dy * dy <= reach * reach {
+                    self.given_up.insert((cx + dx, cy + dy));
+                }
+            }
+        }
+        self.frontiers.retain(|frontier| frontier.at != *at);
+    }
+
+    /// Finds the frontiers of `slice` anew, keeping the ids of those that are still there.
+    pub fn update(&mut self, slice: &OccupancyGrid) {
+        let patches = self.patches(slice);
+        let mut free_old: Vec<Frontier> = std::mem::take(&mut self.frontiers);
+        // Large patches choose their old identity first; ties by position, so that the result has one order.
+        for (at, cells) in patches {
+            let nearest = free_old
+                .iter()
+                .enumerate()
+                .map(|(index, old)| ((old.at - at).norm(), index))
+                .filter(|(distance_m, _)| *distance_m < self.config.identity_m)
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let id = match nearest {
+                Some((_, index)) => free_old.remove(index).id,
+                None => {
+                    self.next_id += 1;
+                    self.next_id - 1
+                }
+            };
+            self.frontiers.push(Frontier { id, at, cells });
+        }
+        self.frontiers.sort_by_key(|frontier| frontier.id);
+    }
+
+    /// Connected patches of interesting cells, largest first: (a cell near the middle, number of cells).
+    fn patches(&self, slice: &OccupancyGrid) -> Vec<(Point2<f64>, u32)> {
+        let mut interesting: Vec<(i32, i32)> = self.interesting_cells(slice);
+        interesting.sort_unstable();
+        let members: FxHashSet<(i32, i32)> = interesting.iter().copied().collect();
+        let mut seen: FxHashSet<(i32, i32)> = FxHashSet::default();
+        let patch_cells = (self.config.patch_m / self.config.cell_m).ceil() as i32;
+        let min_cells = (self.config.min_area_m2 / (self.config.cell_m * self.config.cell_m)).ceil() as usize;
+        let mut patches = Vec::new();
+        for &seed in &interesting {
+            if !seen.insert(seed) {
+                continue;
+            }
+            // Breadth first from the seed, not farther than one patch.
+            let mut patch = vec![seed];
+            let mut next = 0;
+            while next < patch.len() {
+                let (x, y) = patch[next];
+                next += 1;
+                for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                    let neighbour = (x + dx, y + dy);
+                    let is_near =
+                        (neighbour.0 - seed.0).abs() <= patch_cells && (neighbour.1 - seed.1).abs() <= patch_cells;
+                    if is_near && members.contains(&neighbour) && seen.insert(neighbour) {
+                        patch.push(neighbour);
+                    }
+                }
+            }
+            if patch.len() < min_cells {
+                continue;
+            }
+            let count = patch.len() as f64;
+            let mean = patch
+                .iter()
+                .fold(Vector2::zeros(), |sum, &(x, y)| sum + Vector2::new(f64::from(x), f64::from(y)))
+                / count;
+            let middle = patch
+                .iter()
+                .min_by(|a, b| {
+                    let distance = |c: &(i32, i32)| (f64::from(c.0) - mean.x).hypot(f64::from(c.1) - mean.y);
+                    distance(a).total_cmp(&distance(b)).then(a.cmp(b))
+                })
+                .copied()
+                .expect("a patch holds at least its seed");
+            patches.push((self.center_of(middle), patch.len() as u32));
+        }
+        patches.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.x.total_cmp(&b.0.x)).then(a.0.y.total_cmp(&b.0.y)));
+        patches
+    }
+
+    /// Coverage cells whose middle is free, and that are not inspected or border unmeasured space.
+    fn interesting_cells(&self, slice: &OccupancyGrid) -> Vec<(i32, i32)> {
+        let ratio = (self.config.cell_m / slice.resolution_m).round().max(1.0) as usize;
+        let mut cells = Vec::new();
+        let mut last = None;
+        for iy in (0..slice.height).step_by(ratio.div_ceil(2)) {
+            for ix in (0..slice.width).step_by(ratio.div_ceil(2)) {
+                if slice.get(ix, iy) != Cell::Free {
+                    continue;
+                }
+                let cell = self.cell_of(&slice.center(ix, iy));
+                if last == Some(cell) || self.given_up.contains(&cell) {
+                    continue;
+                }
+                if !self.inspected.contains(&cell) || self.borders_unknown(slice, ix, iy, ratio) {
+                    cells.push(cell);
+                    last = Some(cell);
+                }
+            }
+        }
+        cells.sort_unstable();
+        cells.dedup();
+        cells
+    }
+
+    /// Whether a block of unmeasured cells (not a single speck) lies within one coverage cell of (`ix`, `iy`).
+    fn borders_unknown(&self, slice: &OccupancyGrid, ix: usize, iy: usize, ratio: usize) -> bool {
+        let reach = ratio as i64;
+        [(reach, 0_i64), (-reach, 0), (0, reach), (0, -reach)].iter().any(|&(dx, dy)| {
+            // All cells from one coverage cell away to two must be unknown: a speck or a wall is not a way on.
+            (1..=2).all(|k| {
+                let (x, y) = (ix as i64 + k * dx, iy as i64 + k * dy);
+                x < 0
+                    || y < 0
+                    || x >= slice.width as i64
+                    || y >= slice.height as i64
+                    || slice.get(x as usize, y as usize) == Cell::Unknown
+            }) && {
+                let (x, y) = (ix as i64 + dx / 2, iy as i64 + dy / 2);
+                x >= 0
+                    && y >= 0
+                    && x < slice.width as i64
+                    && y < slice.height as i64
+                    && slice.get(x as usize, y as usize) != Cell::Occupied
+            }
+        })
+    }
+
+    fn cell_of(&self, point: &Point2<f64>) -> (i32, i32) {
+        ((point.x / self.config.cell_m).floor() as i32, (point.y / self.config.cell_m).floor() as i32)
+    }
+
+    fn center_of(&self, cell: (i32, i32)) -> Point2<f64> {
+        Point2::new(
+            (f64::from(cell.0) + 0.5) * self.config.cell_m,
+            (f64::from(cell.1) + 0.5) * self.config.cell_m,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hall of 12 m x 3 m with walls round it; everything in it is measured.
+    fn hall() -> OccupancyGrid {
+        let (width, height) = (120, 30);
+        let mut cells = vec![Cell::Free; width * height];
+        for iy in 0..height {
+            for ix in 0..width {
+                if ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1 {
+                    cells[iy * width + ix] = Cell::Occupied;
+                }
+            }
+        }
+        OccupancyGrid { origin: Point2::origin(), resolution_m: 0.1, width, height, cells }
+    }
+
+    #[test]
+    fn looking_everywhere_leaves_no_frontier() {
+        let slice = hall();
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        coverage.update(&slice);
+        assert!(!coverage.frontiers().is_empty());
+        for x in [1.5, 4.0, 7.0, 10.0] {
+            coverage.look(&Point2::new(x, 1.5), &slice);
+        }
+        coverage.update(&slice);
+        assert_eq!(coverage.frontiers(), &[]);
+    }
+
+    #[test]
+    fn a_frontier_keeps_its_id_while_it_shrinks_and_ids_are_never_used_again() {
+        let slice = hall();
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        coverage.look(&Point2::new(2.0, 1.5), &slice);
+        coverage.update(&slice);
+        let far = coverage.frontiers().iter().max_by(|a, b| a.at.x.total_cmp(&b.at.x)).unwrap().clone();
+        coverage.look(&Point2::new(3.0, 1.5), &slice);
+        coverage.update(&slice);
+        assert!(coverage.frontiers().iter().any(|f| f.id == far.id));
+        coverage.give_up(&far.at);
+        coverage.update(&slice);
+        assert!(coverage.frontiers().iter().all(|f| f.id != far.id || f.at != far.at));
+    }
+
+    #[test]
+    fn unmeasured_space_beyond_an_opening_is_a_frontier() {
+        let mut slice = hall();
+        for iy in 1..29 {
+            for ix in 60..120 {
+                slice.cells[iy * 120 + ix] = Cell::Unknown;
+            }
+        }
+        let mut coverage = Coverage::new(CoverageConfig { min_area_m2: 0.3, ..CoverageConfig::default() });
+        for x in [1.5, 4.0, 5.5] {
+            coverage.look(&Point2::new(x, 1.5), &slice);
+        }
+        coverage.update(&slice);
+        assert_eq!(coverage.frontiers().len(), 1);
+        assert!((coverage.frontiers()[0].at.x - 5.9).abs() < 0.3, "{:?}", coverage.frontiers());
+    }
+}

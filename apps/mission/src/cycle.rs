@@ -1,0 +1,117 @@
+//! One cycle of the closed loop, in the order of the paper's system figure: perceive, abstract, reason, verify, plan, move.
+
+use nalgebra::{Point2, Point3, Vector3};
+use omni_perception::Stamp;
+
+use crate::body::Body;
+use crate::goal::{Goal, GoalStatus};
+use crate::journal::CurveSample;
+use crate::mission::{Mission, Outcome};
+use crate::stream::{Command, SensorEvent};
+
+impl Mission {
+    /// What the sensors said since the last cycle, in time order (OmniVLN III-A).
+    pub fn perceive(&mut self, events: impl IntoIterator<Item = SensorEvent>) {
+        for event in events {
+            self.world.see(event, &mut self.journal.clock);
+        }
+    }
+
+    /// One cycle at `now`: what the robot shall do until the next.
+    pub fn cycle(&mut self, now: Stamp) -> Command {
+        let t_s = self.seconds(now);
+        let Some(odometry) = self.world.odometry.clone() else { return self.body.idle() };
+
+        // 1. Abstract: surface, distances, places, rooms, relations (III-B), twice a second.
+        if t_s >= self.next_refresh_s {
+            self.next_refresh_s = t_s + self.config.refresh_period_s;
+            self.world.refresh(&mut self.journal.clock);
+            self.body.replan(&self.world, &mut self.journal.clock);
+        }
+
+        // 2. Begin: a first look all round, and off the floor.
+        if t_s >= self.config.first_look_s {
+            self.body.begin(&odometry.world_from_body);
+        }
+
+        // 3. Reason (III-C): an answer that is due is verified at the present graph and becomes the goal; a new question
+        //    is asked when the last goal is done, has failed, or something that matters was seen. Nobody waits.
+        if self.outcome.is_none() && self.body.is_ready() && t_s >= self.config.first_look_s {
+            self.take_answer(t_s);
+            if self.outcome.is_none() && self.must_think(t_s) {
+                self.ask(t_s);
+            }
+        }
+
+        // 4. Move: the body follows its goal on certified or checked ways only.
+        let command = match (&self.outcome, self.is_interrupted) {
+            (None, false) => self.drive(),
+            _ => self.hold(),
+        };
+        self.sample_curves(t_s);
+        command
+    }
+
+    /// Toward the goal, past what the last scans show.
+    fn drive(&mut self) -> Command {
+        let odometry = self.world.odometry.as_ref().expect("a cycle without odometry ends before");
+        let at = Point3::from(odometry.world_from_body.translation.vector);
+        let obstacles = match self.body {
+            Body::Ground(_) => self.world.obstacles_near(&Point2::new(at.x, at.y)),
+            Body::Air(_) => Vec::new(),
+        };
+        let velocity = velocity_in_body(odometry);
+        let pose = odometry.world_from_body;
+        let distance_m = self.world.field.distance(&at);
+        let body = &mut self.body;
+        let command =
+            self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
+        if self.t_moved_s.is_none() && odometry.velocity_in_world_mps.norm() > 0.05 {
+            self.t_moved_s = Some(odometry.stamp);
+        }
+        command
+    }
+
+    /// Stands still; an interrupted aerial robot comes down.
+    fn hold(&mut self) -> Command {
+        if self.is_interrupted {
+            self.body.land();
+        }
+        if *self.body.status() == GoalStatus::Underway {
+            self.body.set_goal(Goal::Stay);
+        }
+        self.drive()
+    }
+
+    fn sample_curves(&mut self, t_s: f64) {
+        const PERIOD_S: f64 = 0.2;
+        if t_s < self.next_sample_s {
+            return;
+        }
+        self.next_sample_s = t_s + PERIOD_S;
+        let Some(odometry) = &self.world.odometry else { return };
+        let at = odometry.world_from_body.translation.vector;
+        let (_, _, yaw_rad) = odometry.world_from_body.rotation.euler_angles();
+        self.journal.curves.push(CurveSample {
+            t_s,
+            pose: [at.x, at.y, at.z, yaw_rad],
+            speed_mps: odometry.velocity_in_world_mps.norm(),
+            clearance_m: self.body.clearance_m(),
+            prompt_tokens: self.journal.prompt_tokens(),
+            objects: self.world.graph.confirmed_objects().count(),
+            rooms: self.world.graph.rooms().count(),
+        });
+    }
+
+    /// Ends the mission.
+    pub(crate) fn finish(&mut self, outcome: Outcome) {
+        self.body.set_goal(Goal::Stay);
+        self.outcome = Some(outcome);
+    }
+}
+
+/// Forward, left and yaw rate.
+fn velocity_in_body(odometry: &omni_perception::OdometryEstimate) -> Vector3<f64> {
+    let linear = odometry.world_from_body.rotation.inverse() * odometry.velocity_in_world_mps;
+    Vector3::new(linear.x, linear.y, odometry.angular_velocity_in_body_radps.z)
+}

@@ -1,0 +1,20 @@
+//! What can go wrong when a mission is set up.
+
+use thiserror::Error;
+
+/// Why a mission cannot start.
+#[derive(Debug, Error)]
+pub enum MissionError {
+    /// The volume's settings contradict each other.
+    #[error("the map cannot be set up: {0}")]
+    Volume(#[from] volumetric_map::ConfigError),
+    /// The settings of the places contradict each other.
+    #[error("the places cannot be set up: {0}")]
+    Places(#[from] volumetric_map::PlaceConfigError),
+    /// The robot's limits or footprint make no sense for driving.
+    #[error("this robot cannot be driven: {0}")]
+    Drive(#[from] planner::LocalPolicyError),
+    /// There is nothing to do in the instruction.
+    #[error("the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\"")]
+    EmptyInstruction,
+}

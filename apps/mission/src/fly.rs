@@ -1,0 +1,335 @@
+//! In the air: from a goal to set-points. Take-off, certified trajectories through known free space, hover, landing.
+//!
+//! A trajectory is flown only with its certificate, only through space that was seen free, and is dropped for a stop as soon
+//! as the map shows something inside the robot's ball along the rest of it.
+
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use planner::{AirConfig, AirPlan, FlightState, plan_air};
+use robot_model::RobotModel;
+
+use crate::goal::{Goal, GoalStatus};
+use crate::navigation::NavigationMap;
+use crate::stream::{Command, FlightSetPoint};
+
+/// Climb and descent.
+const CLIMB_MPS: f64 = 0.5;
+/// Fraction of the yaw-rate limit used: a slow turn disturbs the LiDAR least.
+const YAW_PART: f64 = 0.5;
+
+/// What the flyer needs to see of the map.
+pub struct AirSpace<'a> {
+    /// Distance to the nearest obstacle, `None` where nobody has looked.
+    pub distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
+    /// Surface points in a box.
+    pub obstacles: &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+}
+
+/// Phase of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// On the floor, rotors still.
+    Grounded,
+    /// Climbing to flight height.
+    TakeOff,
+    /// Hovering or following a trajectory.
+    Flying,
+    /// Descending to the floor.
+    Landing,
+    /// On the floor again.
+    Landed,
+}
+
+/// Flies an aerial robot to one goal after another.
+pub struct Fly {
+    config: AirConfig,
+    period_s: f64,
+    max_attempts: u32,
+    max_yaw_rate_radps: f64,
+    phase: Phase,
+    goal: Goal,
+    status: GoalStatus,
+    attempts: u32,
+    /// Trajectory and the time on it.
+    flying: Option<(AirPlan, f64)>,
+    /// Set-point when nothing is flown.
+    hover: Point3<f64>,
+    yaw_rad: f64,
+    flight_height_m: f64,
+    ground_clearance_m: f64,
+    path: Vec<Point2<f64>>,
+    clearance_m: f64,
+}
+
+impl Fly {
+    /// Limits and ball of this robot. `flight_z_m` and `landed_z_m` are heights of the body origin in the map.
+    pub fn new(robot: &RobotModel, flight_z_m: f64, landed_z_m: f64, period_s: f64, max_attempts: u32) -> Self {
+        let limits = &robot.limits;
+        let config = AirConfig {
+            max_speed_mps: limits.max_speed_mps,
+            max_accel_mps2: limits.max_accel_mps2,
+            radius_m: robot.circumscribed_radius_m,
+            preferred_height_m: Some(flight_z_m),
+            ..AirConfig::default()
+        };
+        Self {
+            config,
+            period_s,
+            max_attempts,
+            max_yaw_rate_radps: limits.max_yaw_rate_radps,
+            phase: Phase::Grounded,
+            goal: Goal::Stay,
+            status: GoalStatus::Arrived,
+            attempts: 0,
+            flying: None,
+            hover: Point3::new(0.0, 0.0, landed_z_m),
+            yaw_rad: 0.0,
+            flight_height_m: flight_z_m,
+            ground_clearance_m: landed_z_m,
+            path: Vec::new(),
+            clearance_m: f64::INFINITY,
+        }
+    }
+
+    /// Present phase.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Leaves the floor from where the robot stands.
+    pub fn take_off(&mut self, world_from_body: &Isometry3<f64>) {
+        if self.phase == Phase::Grounded {
+            self.hover = Point3::from(world_from_body.translation.vector);
+            self.yaw_rad = world_from_body.rotation.euler_angles().2;
+            self.phase = Phase::TakeOff;
+        }
+    }
+
+    /// Goes down where the robot is.
+    pub fn land(&mut self) {
+        if self.phase == Phase::Flying || self.phase == Phase::TakeOff {
+            self.stop_here();
+            self.phase = Phase::Landing;
+        } else if self.phase == Phase::Grounded {
+            self.phase = Phase::Landed;
+        }
+    }
+
+    /// Takes a new goal; the trajectory being flown goes on until the next plan replaces it.
+    pub fn set_goal(&mut self, goal: Goal) {
+        self.attempts = 0;
+        self.status = if goal == Goal::Stay { GoalStatus::Arrived } else { GoalStatus::Underway };
+        if goal == Goal::Stay {
+            self.stop_here();
+        }
+        self.goal = goal;
+    }
+
+    /// How it goes with the present goal.
+    pub fn status(&self) -> &GoalStatus {
+        &self.status
+    }
+
+    /// The way still to go, seen from above.
+    pub fn path(&self) -> &[Point2<f64>] {
+        &self.path
+    }
+
+    /// Distance from the robot's ball to the nearest obstacle of the map at the last command.
+    pub fn clearance_m(&self) -> f64 {
+        self.clearance_m
+    }
+
+    /// Where the goal can be reached in the plane of flight: itself, or a point within its tolerance.
+    pub fn reachable_target(&self, navigation: &NavigationMap, here: &Point2<f64>) -> Option<Point2<f64>> {
+        let Goal::Reach { target, tolerance_m, .. } = self.goal else { return None };
+        if navigation.lengths_from(here, &[target])[0].is_some() {
+            return Some(target);
+        }
+        navigation.nearest_reachable(here, &target).filter(|(_, off_m)| *off_m <= tolerance_m).map(|(point, _)| point)
+    }
+
+    /// Plans anew on a fresh map: for a new goal, or because the old plan is no longer free. `target` is where the goal
+    /// can be reached (the caller knows the plane).
+    pub fn replan(&mut self, target: Option<Point2<f64>>, air: &AirSpace) {
+        if self.phase != Phase::Flying {
+            return;
+        }
+        let is_free = self.rest_is_free(air);
+        if !is_free {
+            self.stop_here();
+        }
+        if !matches!(self.goal, Goal::Reach { .. }) || self.status != GoalStatus::Underway {
+            return;
+        }
+        let Some(target) = target else {
+            self.fail_once("no way through what is known");
+            return;
+        };
+        let goal = Point3::new(target.x, target.y, self.flight_height_m);
+        let ends_there = self.flying.as_ref().is_some_and(|(plan, _)| {
+            let end = plan.trajectory.sample(plan.trajectory.duration_s()).position;
+            (end - goal).norm() < 0.15
+        });
+        if is_free && ends_there {
+            return;
+        }
+        let start = self.state();
+        match plan_air(&start, &goal, air.distance, air.obstacles, &self.config) {
+            Ok(plan) => {
+                self.attempts = 0;
+                self.path = plan.route.iter().map(|point| point.xy()).collect();
+                self.flying = Some((plan, 0.0));
+            }
+            Err(_) => self.fail_once("no certified trajectory through what is known"),
+        }
+    }
+
+    fn fail_once(&mut self, why: &'static str) {
+        self.attempts += 1;
+        if self.attempts >= self.max_attempts {
+            self.stop_here();
+            self.status = GoalStatus::Failed(why);
+        }
+    }
+
+    /// Whether the rest of the trajectory keeps the robot's ball out of what the map shows now.
+    fn rest_is_free(&self, air: &AirSpace) -> bool {
+        let Some((plan, t_s)) = &self.flying else { return true };
+        const STEP_S: f64 = 0.1;
+        // The map's voxels may shift by their size between two looks: only a real intrusion counts.
+        let ball_m = self.config.radius_m - 0.05;
+        let mut at_s = *t_s;
+        while at_s < plan.trajectory.duration_s() {
+            let point = plan.trajectory.sample(at_s).position;
+            if (air.distance)(&point).is_some_and(|distance_m| distance_m < ball_m) {
+                return false;
+            }
+            at_s += STEP_S;
+        }
+        true
+    }
+
+    /// The set-point as a state: where a new trajectory begins.
+    fn state(&self) -> FlightState {
+        match &self.flying {
+            Some((plan, t_s)) => {
+                let sample = plan.trajectory.sample(*t_s);
+                FlightState {
+                    position: sample.position,
+                    velocity: sample.velocity,
+                    acceleration: sample.acceleration,
+                }
+            }
+            None => FlightState {
+                position: self.hover,
+                velocity: Vector3::zeros(),
+                acceleration: Vector3::zeros(),
+            },
+        }
+    }
+
+    /// Replaces what is flown by a short braking trajectory.
+    fn stop_here(&mut self) {
+        if let Some((plan, t_s)) = self.flying.take() {
+            let sample = plan.trajectory.sample(t_s);
+            let state = FlightState {
+                position: sample.position,
+                velocity: sample.velocity,
+                acceleration: sample.acceleration,
+            };
+            self.hover = sample.position;
+            if state.velocity.norm() > 0.05 {
+                let stop = planner::stop_trajectory(&state, &self.config);
+                self.hover = stop.trajectory.sample(stop.trajectory.duration_s()).position;
+                self.flying = Some((stop, 0.0));
+            }
+        }
+        self.path.clear();
+    }
+
+    /// The set-point for the next period.
+    pub fn command(&mut self, world_from_body: &Isometry3<f64>, distance_m: Option<f64>) -> Command {
+        self.clearance_m = distance_m.map_or(f64::INFINITY, |d| d - self.config.radius_m);
+        let actual = Point3::from(world_from_body.translation.vector);
+        let mut velocity = Vector3::zeros();
+        let mut acceleration = Vector3::zeros();
+        let mut jerk = Vector3::zeros();
+        match self.phase {
+            Phase::Grounded | Phase::Landed => self.hover = actual,
+            Phase::TakeOff => {
+                let left_m = self.flight_height_m - self.hover.z;
+                velocity.z = left_m.clamp(0.0, CLIMB_MPS);
+                self.hover.z += velocity.z.max(0.05).min(left_m.max(0.0) / self.period_s) * self.period_s;
+                if left_m < 0.02 && (actual.z - self.flight_height_m).abs() < 0.1 {
+                    self.phase = Phase::Flying;
+                }
+            }
+            Phase::Landing => {
+                velocity.z = -CLIMB_MPS.min(0.15 + 0.5 * (self.hover.z - self.ground_clearance_m).max(0.0));
+                self.hover.z += velocity.z * self.period_s;
+                if self.hover.z < self.ground_clearance_m - 0.3 || actual.z < self.ground_clearance_m + 0.03 {
+                    self.phase = Phase::Landed;
+                }
+            }
+            Phase::Flying => {
+                if let Some((plan, t_s)) = &mut self.flying {
+                    *t_s += self.period_s;
+                    let sample = plan.trajectory.sample(t_s.min(plan.trajectory.duration_s()));
+                    self.hover = sample.position;
+                    if *t_s < plan.trajectory.duration_s() {
+                        velocity = sample.velocity;
+                        acceleration = sample.acceleration;
+                        jerk = sample.jerk;
+                    } else {
+                        self.flying = None;
+                        self.path.clear();
+                    }
+                }
+                self.judge(&actual);
+            }
+        }
+        let wanted_rad = match self.goal {
+            Goal::Turn { heading_rad } => Some(heading_rad),
+            Goal::Reach { heading_rad: Some(heading_rad), .. } if self.flying.is_none() => Some(heading_rad),
+            _ if velocity.xy().norm() > 0.3 => Some(velocity.y.atan2(velocity.x)),
+            _ => None,
+        };
+        let limit = YAW_PART * self.max_yaw_rate_radps;
+        let yaw_rate = wanted_rad.map_or(0.0, |wanted| (1.5 * wrap(wanted - self.yaw_rad)).clamp(-limit, limit));
+        self.yaw_rad = wrap(self.yaw_rad + yaw_rate * self.period_s);
+        Command::Flight(FlightSetPoint {
+            position_in_world: self.hover,
+            velocity_in_world_mps: velocity,
+            acceleration_in_world_mps2: acceleration,
+            jerk_in_world_mps3: jerk,
+            yaw_rad: self.yaw_rad,
+            yaw_rate_radps: yaw_rate,
+            is_armed: !matches!(self.phase, Phase::Grounded | Phase::Landed),
+        })
+    }
+
+    /// Arrived when nothing is left to fly and the body is there too.
+    fn judge(&mut self, actual: &Point3<f64>) {
+        if self.status != GoalStatus::Underway {
+            return;
+        }
+        match self.goal {
+            Goal::Reach { target, tolerance_m, heading_rad } => {
+                let is_turned = heading_rad.is_none_or(|wanted| wrap(wanted - self.yaw_rad).abs() < 0.3);
+                if self.flying.is_none() && (actual.xy() - target).norm() <= tolerance_m && is_turned {
+                    self.status = GoalStatus::Arrived;
+                }
+            }
+            Goal::Turn { heading_rad } if wrap(heading_rad - self.yaw_rad).abs() < 0.1 => {
+                self.status = GoalStatus::Arrived;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// An angle in (-pi, pi].
+fn wrap(angle_rad: f64) -> f64 {
+    let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
+    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
+}

@@ -1,0 +1,175 @@
+//! The mission: an instruction, a robot, and everything it knows and has done so far.
+
+use nalgebra::Isometry3;
+use octant_prompt::{Critic, Instruction, parse_instruction};
+use omni_perception::{Equirectangular, Stamp};
+use robot_model::RobotModel;
+
+use crate::body::Body;
+use crate::config::MissionConfig;
+use crate::error::MissionError;
+use crate::journal::Journal;
+use crate::reasoning::{Mind, Pending, StepMemory, Target};
+use crate::stream::Command;
+use crate::world_model::WorldModel;
+
+/// How a mission ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// The robot believes to be there.
+    Stopped {
+        /// What it decided for, as it would say it.
+        target: String,
+        /// Where that is in its map.
+        at: nalgebra::Point3<f64>,
+    },
+    /// The robot says why it cannot be done.
+    GaveUp {
+        /// One sentence.
+        reason: String,
+    },
+}
+
+/// A step of the instruction that the robot says is done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepDone {
+    /// Index of the step.
+    pub step: usize,
+    /// When it said so.
+    pub stamp: Stamp,
+}
+
+/// One robot carrying out one instruction. Feed it with [`Mission::perceive`], ask it with [`Mission::cycle`].
+pub struct Mission {
+    pub(crate) config: MissionConfig,
+    pub(crate) robot: RobotModel,
+    /// What was asked.
+    pub instruction: Instruction,
+    /// What is known.
+    pub world: WorldModel,
+    /// What happened.
+    pub journal: Journal,
+    /// Steps said to be done, in order.
+    pub steps_done: Vec<StepDone>,
+    /// How it ended, once it has.
+    pub outcome: Option<Outcome>,
+    pub(crate) body: Body,
+    /// `None` while it thinks in another thread.
+    pub(crate) reasoner: Option<Mind>,
+    pub(crate) critic: Critic,
+    pub(crate) pending: Option<Pending>,
+    pub(crate) target: Target,
+    pub(crate) start: Stamp,
+    pub(crate) next_refresh_s: f64,
+    pub(crate) next_sample_s: f64,
+    pub(crate) next_decision_s: f64,
+    pub(crate) t_moved_s: Option<Stamp>,
+    pub(crate) is_interrupted: bool,
+    pub(crate) interest: Vec<u64>,
+    pub(crate) nouns: Vec<String>,
+    pub(crate) step_index: usize,
+    /// Decisions in a row without an accepted action.
+    pub(crate) unsure: u32,
+    pub(crate) memory: StepMemory,
+    pub(crate) asked_from: nalgebra::Point3<f64>,
+}
+
+impl Mission {
+    /// Prepares a mission. The robot stands on the floor at `world_from_body` in the frame of its odometry at `start`;
+    /// `camera` is the panorama that its stream carries.
+    ///
+    /// # Errors
+    /// See [`MissionError`].
+    pub fn new(
+        robot: &RobotModel,
+        instruction: &str,
+        config: MissionConfig,
+        camera: Equirectangular,
+        reasoner: Mind,
+        start: Stamp,
+        world_from_body: &Isometry3<f64>,
+    ) -> Result<Mission, MissionError> {
+        let instruction = parse_instruction(instruction);
+        if instruction.steps.is_empty() {
+            return Err(MissionError::EmptyInstruction);
+        }
+        let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
+        Ok(Mission {
+            world: WorldModel::new(robot, &config, camera, floor_m)?,
+            body: Body::new(robot, &config, floor_m)?,
+            robot: robot.clone(),
+            instruction: instruction.clone(),
+            journal: Journal::default(),
+            steps_done: Vec::new(),
+            outcome: None,
+            reasoner: Some(reasoner),
+            critic: Critic::default(),
+            pending: None,
+            target: Target::None,
+            start,
+            next_refresh_s: 0.0,
+            next_sample_s: 0.0,
+            next_decision_s: 0.0,
+            t_moved_s: None,
+            is_interrupted: false,
+            interest: Vec::new(),
+            nouns: instruction.nouns(),
+            step_index: 0,
+            unsure: 0,
+            memory: StepMemory::default(),
+            asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            config,
+        })
+    }
+
+    /// Nouns of the instruction: what the segmenter should look for besides its standing list.
+    pub fn phrases(&self) -> Vec<String> {
+        self.instruction.nouns()
+    }
+
+    /// Seconds since the mission began.
+    pub fn seconds(&self, now: Stamp) -> f64 {
+        (now.0 - self.start.0) as f64 * 1e-9
+    }
+
+    /// A person wants the robot to stop: it holds, or comes down where it is.
+    pub fn interrupt(&mut self) {
+        self.is_interrupted = true;
+    }
+
+    /// Whether a person stopped it.
+    pub fn is_interrupted(&self) -> bool {
+        self.is_interrupted
+    }
+
+    /// Whether nothing is left to do: an outcome, or stopped by a person and at rest.
+    pub fn is_over(&self) -> bool {
+        self.outcome.is_some() || (self.is_interrupted && self.body.is_down())
+    }
+
+    /// One line for people: what it is doing now.
+    pub fn activity(&self) -> String {
+        match &self.outcome {
+            Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
+            Some(Outcome::GaveUp { reason }) => reason.clone(),
+            None if self.is_interrupted => "stopping".into(),
+            None if !self.body.is_ready() => "getting ready".into(),
+            None => self.target.describe(&self.world.graph),
+        }
+    }
+
+    /// Length of the way still to go to the present goal.
+    pub fn distance_left_m(&self) -> f64 {
+        self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+    }
+
+    /// What to command a robot that has no time for a cycle: hold.
+    pub fn idle(&mut self) -> Command {
+        self.body.idle()
+    }
+
+    /// The present path, for pictures.
+    pub fn path(&self) -> &[nalgebra::Point2<f64>] {
+        self.body.path()
+    }
+}

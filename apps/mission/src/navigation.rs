@@ -1,0 +1,162 @@
+//! Where this robot can go: the map cut at its height, its clearance, and ways through what is known.
+//!
+//! Both robots travel in the plane here: the ground robot because it must, the aerial one because indoors it keeps its
+//! height and leaves the third dimension to the corridor of its trajectory.
+
+use nalgebra::{Isometry3, Point2};
+use planner::{GridView, VisibilityGraph};
+use robot_model::{RobotKind, RobotModel};
+use rustc_hash::FxHashSet;
+use volumetric_map::{Cell, OccupancyGrid, Volume};
+
+/// Margin beyond the robot's circle: what is left of a voxel's error after the surface was placed in it, and tracking.
+const MARGIN_M: f64 = 0.03;
+/// What the robot may drive over: thresholds, carpet edges, noise of the floor.
+const STEP_M: f64 = 0.10;
+/// Room above the robot's highest point.
+const HEADROOM_M: f64 = 0.05;
+
+/// The plane as this robot meets it, rebuilt from the volume at every refresh.
+pub struct NavigationMap {
+    /// Free, occupied, unknown at the robot's height.
+    pub grid: OccupancyGrid,
+    /// Ways with at least the robot's own circle free.
+    graph: Option<VisibilityGraph>,
+    /// Cells over which the robot has stood; they are free whatever the sensors' blind spots say.
+    stood_on: FxHashSet<(i64, i64)>,
+    clearance_m: f64,
+    radius_m: f64,
+}
+
+impl NavigationMap {
+    /// Nothing known.
+    pub fn new(robot: &RobotModel) -> Self {
+        let radius_m = robot.circumscribed_radius_m;
+        Self {
+            grid: OccupancyGrid {
+                origin: Point2::origin(),
+                resolution_m: 0.05,
+                width: 0,
+                height: 0,
+                cells: Vec::new(),
+            },
+            graph: None,
+            stood_on: FxHashSet::default(),
+            clearance_m: radius_m + MARGIN_M,
+            radius_m,
+        }
+    }
+
+    /// Cuts the volume at the robot's height. `floor_m` is the height of the floor in the map, `body_height_m` the height
+    /// at which the body moves above it.
+    pub fn refresh(
+        &mut self,
+        volume: &Volume,
+        robot: &RobotModel,
+        world_from_body: &Isometry3<f64>,
+        floor_m: f64,
+        body_height_m: f64,
+    ) {
+        let (low_m, high_m) = robot.height_span_m;
+        self.grid = match robot.kind {
+            RobotKind::Ground => {
+                let top_m = robot.stance_height_m + high_m + HEADROOM_M;
+                volume.ground_grid(floor_m, STEP_M, top_m)
+            }
+            RobotKind::Aerial => {
+                let body_m = floor_m + body_height_m;
+                volume.slice(body_m + low_m - HEADROOM_M, body_m + high_m + HEADROOM_M, None)
+            }
+        };
+        self.remember_footprint(&Point2::from(world_from_body.translation.vector.xy()));
+        let stood_on = &self.stood_on;
+        for iy in 0..self.grid.height {
+            for ix in 0..self.grid.width {
+                let cell = &mut self.grid.cells[iy * self.grid.width + ix];
+                if *cell == Cell::Unknown {
+                    let x = self.grid.origin.x + (ix as f64 + 0.5) * self.grid.resolution_m;
+                    let y = self.grid.origin.y + (iy as f64 + 0.5) * self.grid.resolution_m;
+                    if stood_on.contains(&key(x, y)) {
+                        *cell = Cell::Free;
+                    }
+                }
+            }
+        }
+        let blocked: Vec<bool> = self.grid.cells.iter().map(|cell| *cell != Cell::Free).collect();
+        let view = GridView {
+            origin: self.grid.origin,
+            resolution_m: self.grid.resolution_m,
+            width: self.grid.width,
+            height: self.grid.height,
+            blocked: &blocked,
+        };
+        self.graph = VisibilityGraph::build(&view, self.clearance_m).ok();
+    }
+
+    fn remember_footprint(&mut self, at: &Point2<f64>) {
+        let reach = (self.radius_m / KEY_M).ceil() as i64;
+        let (cx, cy) = key(at.x, at.y);
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                if dx * dx + dy * dy <= reach * reach {
+                    self.stood_on.insert((cx + dx, cy + dy));
+                }
+            }
+        }
+    }
+
+    /// The shortest way from `start` to `goal` through known free space.
+    pub fn route(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<planner::Route> {
+        self.graph.as_ref()?.route(start, goal)
+    }
+
+    /// The reachable point nearest to `goal`, and how far from it that is.
+    pub fn nearest_reachable(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<(Point2<f64>, f64)> {
+        self.graph.as_ref()?.nearest_reachable(start, goal)
+    }
+
+    /// Lengths of the ways from `start` to each goal, `None` where there is none through known free space.
+    pub fn lengths_from(&self, start: &Point2<f64>, goals: &[Point2<f64>]) -> Vec<Option<f64>> {
+        match &self.graph {
+            Some(graph) => graph.lengths_from(start, goals),
+            None => vec![None; goals.len()],
+        }
+    }
+
+    /// Radius of the robot's circle with its margin.
+    pub fn clearance_m(&self) -> f64 {
+        self.clearance_m
+    }
+
+    /// Whether the robot's circle is free at `point`.
+    pub fn fits(&self, point: &Point2<f64>) -> bool {
+        self.graph.as_ref().is_some_and(|graph| graph.clearance_at(point) >= self.clearance_m)
+    }
+
+    /// Middles of the occupied cells within `range_m` of `center`: what the last scans may not show because they are
+    /// blind there.
+    pub fn occupied_near(&self, center: &Point2<f64>, range_m: f64) -> Vec<Point2<f32>> {
+        let reach = (range_m / self.grid.resolution_m).ceil() as i64;
+        let mut points = Vec::new();
+        let Some((cx, cy)) = self.grid.cell_of(center) else { return points };
+        for iy in (cy as i64 - reach).max(0)..(cy as i64 + reach + 1).min(self.grid.height as i64) {
+            for ix in (cx as i64 - reach).max(0)..(cx as i64 + reach + 1).min(self.grid.width as i64) {
+                let (ix, iy) = (ix as usize, iy as usize);
+                if self.grid.get(ix, iy) == Cell::Occupied {
+                    let middle = self.grid.center(ix, iy);
+                    if (middle - center).norm() <= range_m {
+                        points.push(Point2::new(middle.x as f32, middle.y as f32));
+                    }
+                }
+            }
+        }
+        points
+    }
+}
+
+/// Edge of a remembered cell.
+const KEY_M: f64 = 0.05;
+
+fn key(x: f64, y: f64) -> (i64, i64) {
+    ((x / KEY_M).floor() as i64, (y / KEY_M).floor() as i64)
+}

@@ -1,0 +1,228 @@
+//! A client for any OpenAI-compatible server: one blocking request with a deadline, a bounded body and a typed failure.
+//!
+//! Plain HTTP on purpose: such servers run on the robot or in the same building. What comes back is hostile until the
+//! prompt crate has parsed and checked it.
+
+use std::io::Read;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use thiserror::Error;
+
+/// Where the model is and how long we wait for it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChatConfig {
+    /// Up to and including the version, e.g. `http://127.0.0.1:8091/v1`.
+    pub base_url: String,
+    /// Name of the model on that server.
+    pub model: String,
+    /// Longest wait for one answer in seconds, default 20.
+    pub timeout_s: f64,
+    /// Requests for one answer, default 2: a second one if the first failed on the way.
+    pub attempts: u32,
+    /// Longest answer in tokens, default 300.
+    pub max_answer_tokens: u32,
+}
+
+impl ChatConfig {
+    /// Defaults for a server and a model.
+    pub fn new(base_url: &str, model: &str) -> Self {
+        Self {
+            base_url: base_url.trim_end_matches('/').to_owned(),
+            model: model.to_owned(),
+            timeout_s: 20.0,
+            attempts: 2,
+            max_answer_tokens: 300,
+        }
+    }
+}
+
+/// Longest body that is read: an answer has a few hundred tokens.
+const MAX_BODY_BYTES: u64 = 256 * 1024;
+
+/// What the server said.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChatReply {
+    /// Text of the first choice.
+    pub text: String,
+    /// Tokens as the server counted them, if it did.
+    pub prompt_tokens: Option<usize>,
+    /// Tokens of the answer, if the server counted them.
+    pub answer_tokens: Option<usize>,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum ChatError {
+    /// The address is not one of a plain HTTP server.
+    #[error("'{0}' is no address of a language-model server; it looks like http://127.0.0.1:8091/v1")]
+    Address(String),
+    /// Nobody answers there, or the connection broke.
+    #[error("the language-model server at {url} cannot be reached: {cause}")]
+    Unreachable {
+        /// The address asked.
+        url: String,
+        /// What the network said.
+        cause: String,
+    },
+    /// It took longer than the deadline.
+    #[error("the language-model server did not answer within {0} s")]
+    Timeout(String),
+    /// It answered with an error.
+    #[error("the language-model server answered with status {status}: {body}")]
+    Status {
+        /// HTTP status.
+        status: u16,
+        /// Beginning of the body.
+        body: String,
+    },
+    /// The body is not what the interface promises.
+    #[error("the language-model server sent an answer that cannot be read: {0}")]
+    Unreadable(&'static str),
+}
+
+/// Asks once: a system text, a user text, and optionally a JSON schema that the answer shall obey.
+pub fn chat(config: &ChatConfig, system: &str, user: &str, schema: Option<&Value>) -> Result<ChatReply, ChatError> {
+    if !config.base_url.starts_with("http://") {
+        return Err(ChatError::Address(config.base_url.clone()));
+    }
+    let mut request = json!({
+        "model": config.model,
+        "temperature": 0,
+        "max_tokens": config.max_answer_tokens,
+        "messages": [
+            {"role": "system", "content": system},
+            {"role": "user", "content": user},
+        ],
+    });
+    if let Some(schema) = schema {
+        request["response_format"] =
+            json!({"type": "json_schema", "json_schema": {"name": "action", "strict": true, "schema": schema}});
+    }
+    let url = format!("{}/chat/completions", config.base_url);
+    let mut last = ChatError::Unreadable("no request was made");
+    for _ in 0..config.attempts.max(1) {
+        match post(&url, &request, config.timeout_s) {
+            Ok(body) => return read_reply(&body),
+            // A refusal will be repeated; a broken connection may not be.
+            Err(error @ ChatError::Status { status: 400..=499, .. }) => return Err(error),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+fn post(url: &str, request: &Value, timeout_s: f64) -> Result<Vec<u8>, ChatError> {
+    let agent: ureq::Agent = ureq::Agent::config_builder()
+        .timeout_global(Some(Duration::from_secs_f64(timeout_s)))
+        .http_status_as_error(false)
+        .build()
+        .into();
+    let unreachable = |error: ureq::Error| match error {
+        ureq::Error::Timeout(_) => ChatError::Timeout(format!("{timeout_s:.0}")),
+        other => ChatError::Unreachable { url: url.to_owned(), cause: other.to_string() },
+    };
+    let mut response = agent.post(url).send_json(request).map_err(unreachable)?;
+    let status = response.status().as_u16();
+    let mut body = Vec::new();
+    let read = response.body_mut().as_reader().take(MAX_BODY_BYTES + 1).read_to_end(&mut body);
+    if let Err(error) = read {
+        return Err(if error.kind() == std::io::ErrorKind::TimedOut || error.to_string().contains("timeout") {
+            ChatError::Timeout(format!("{timeout_s:.0}"))
+        } else {
+            ChatError::Unreachable { url: url.to_owned(), cause: error.to_string() }
+        });
+    }
+    if body.len() as u64 > MAX_BODY_BYTES {
+        return Err(ChatError::Unreadable("it is longer than 256 KiB"));
+    }
+    if !(200..300).contains(&status) {
+        let text: String = String::from_utf8_lossy(&body).chars().take(200).collect();
+        return Err(ChatError::Status { status, body: text });
+    }
+    Ok(body)
+}
+
+fn read_reply(body: &[u8]) -> Result<ChatReply, ChatError> {
+    let value: Value = serde_json::from_slice(body).map_err(|_| ChatError::Unreadable("it is not JSON"))?;
+    let text = value
+        .pointer("/choices/0/message/content")
+        .and_then(Value::as_str)
+        .ok_or(ChatError::Unreadable("it has no choices[0].message.content"))?;
+    let count = |path: &str| value.pointer(path).and_then(Value::as_u64).map(|n| n as usize);
+    Ok(ChatReply {
+        text: text.to_owned(),
+        prompt_tokens: count("/usage/prompt_tokens"),
+        answer_tokens: count("/usage/completion_tokens"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::net::TcpListener;
+
+    /// A server in this process that answers the next requests with the given bytes, then is gone.
+    fn fake_server(answers: Vec<Vec<u8>>, delay: Duration) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        std::thread::spawn(move || {
+            for answer in answers {
+                let Ok((mut stream, _)) = listener.accept() else { return };
+                // Head and body may come in two pieces: read until nothing more comes, or closing would reset the line.
+                let mut buffer = [0_u8; 65536];
+                let _ = stream.set_read_timeout(Some(Duration::from_millis(50)));
+                while stream.read(&mut buffer).is_ok_and(|n| n > 0) {}
+                std::thread::sleep(delay);
+                let _ = stream.write_all(&answer);
+            }
+        });
+        format!("http://{address}/v1")
+    }
+
+    fn http(status: &str, body: &str) -> Vec<u8> {
+        format!("HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}", body.len())
+            .into_bytes()
+    }
+
+    fn ask(url: &str, timeout_s: f64) -> Result<ChatReply, ChatError> {
+        let config = ChatConfig { timeout_s, attempts: 1, ..ChatConfig::new(url, "test") };
+        chat(&config, "system", "user", None)
+    }
+
+    #[test]
+    fn a_good_answer_is_read() {
+        let body = r#"{"choices":[{"message":{"content":"{\"action\":\"stop\"}"}}],"usage":{"prompt_tokens":12,"completion_tokens":5}}"#;
+        let url = fake_server(vec![http("200 OK", body)], Duration::ZERO);
+        let reply = ask(&url, 5.0).unwrap();
+        assert_eq!(reply.text, r#"{"action":"stop"}"#);
+        assert_eq!((reply.prompt_tokens, reply.answer_tokens), (Some(12), Some(5)));
+    }
+
+    #[test]
+    fn every_failure_has_its_own_sentence() {
+        assert!(matches!(ask("ftp://somewhere", 1.0), Err(ChatError::Address(_))));
+        assert!(matches!(ask("http://127.0.0.1:9", 1.0), Err(ChatError::Unreachable { .. })));
+        let url = fake_server(vec![http("500 Internal Server Error", "out of memory")], Duration::ZERO);
+        assert!(matches!(ask(&url, 5.0), Err(ChatError::Status { status: 500, .. })));
+        let url = fake_server(vec![http("200 OK", "<html>")], Duration::ZERO);
+        assert_eq!(ask(&url, 5.0), Err(ChatError::Unreadable("it is not JSON")));
+        let url = fake_server(vec![http("200 OK", "{}")], Duration::ZERO);
+        assert!(matches!(ask(&url, 5.0), Err(ChatError::Unreadable(_))));
+        let url = fake_server(vec![http("200 OK", &"x".repeat(300_000))], Duration::ZERO);
+        assert_eq!(ask(&url, 5.0), Err(ChatError::Unreadable("it is longer than 256 KiB")));
+    }
+
+    #[test]
+    fn a_slow_or_truncated_answer_ends_at_the_deadline() {
+        let url = fake_server(vec![http("200 OK", "{}")], Duration::from_secs(3));
+        let start = std::time::Instant::now();
+        assert!(matches!(ask(&url, 0.3), Err(ChatError::Timeout(_))), "slow");
+        assert!(start.elapsed() < Duration::from_secs(2));
+        let mut cut = http("200 OK", r#"{"choices":[]}"#);
+        cut.truncate(cut.len() - 5);
+        let url = fake_server(vec![cut], Duration::ZERO);
+        assert!(ask(&url, 1.0).is_err());
+    }
+}

@@ -1,0 +1,138 @@
+//! How far everything is for this robot, from where it stands: one sweep over the known plane.
+//!
+//! Owned and cheap to ask, so that a reasoner in another thread can have it while the robot goes on.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Point2, Point3};
+use volumetric_map::{OccupancyGrid, clearance};
+
+/// Something is near a cell if it lies within this distance of it: the robot stands beside things, not in them.
+const BESIDE_M: f64 = 1.3;
+
+/// Length of the shortest way from the robot to every cell where its circle fits.
+#[derive(Debug, Clone, Default)]
+pub struct ReachMap {
+    origin: Point2<f64>,
+    resolution_m: f64,
+    width: usize,
+    height: usize,
+    length_m: Vec<f32>,
+}
+
+impl ReachMap {
+    /// Sweeps `grid` from `start` over free cells with at least `clearance_m` around them; near the start, where the robot
+    /// may stand closer to something, less is enough.
+    pub fn new(grid: &OccupancyGrid, start: &Point2<f64>, clearance_m: f64) -> ReachMap {
+        let mut map = ReachMap {
+            origin: grid.origin,
+            resolution_m: grid.resolution_m,
+            width: grid.width,
+            height: grid.height,
+            length_m: vec![f32::INFINITY; grid.cells.len()],
+        };
+        let Some((sx, sy)) = grid.cell_of(start) else { return map };
+        let free_m = clearance(grid, true);
+        let needed = clearance_m as f32;
+        const ESCAPE_M: f64 = 0.6;
+        let fits = |cell: usize| {
+            let near_start = || {
+                let (dx, dy) = (cell % grid.width, cell / grid.width);
+                let away = (dx as f64 - sx as f64).hypot(dy as f64 - sy as f64) * grid.resolution_m;
+                away <= ESCAPE_M && free_m[cell] > 0.1
+            };
+            free_m[cell] >= needed || near_start()
+        };
+        let mut queue = BinaryHeap::new();
+        let start = sy * grid.width + sx;
+        map.length_m[start] = 0.0;
+        queue.push(Visit { length_m: 0.0, cell: start });
+        while let Some(Visit { length_m, cell }) = queue.pop() {
+            if length_m > map.length_m[cell] {
+                continue;
+            }
+            let (ix, iy) = ((cell % grid.width) as i64, (cell / grid.width) as i64);
+            for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
+                let (x, y) = (ix + dx, iy + dy);
+                if x < 0 || y < 0 || x >= grid.width as i64 || y >= grid.height as i64 {
+                    continue;
+                }
+                let next = y as usize * grid.width + x as usize;
+                let step_m = grid.resolution_m as f32 * if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 };
+                if length_m + step_m < map.length_m[next] && fits(next) {
+                    map.length_m[next] = length_m + step_m;
+                    queue.push(Visit { length_m: length_m + step_m, cell: next });
+                }
+            }
+        }
+        map
+    }
+
+    /// Length of the way to the nearest cell beside `point`, `None` if there is none within 1.3 m of it.
+    pub fn length_to(&self, point: &Point3<f64>) -> Option<f64> {
+        let reach = (BESIDE_M / self.resolution_m.max(1e-3)).ceil() as i64;
+        let cx = ((point.x - self.origin.x) / self.resolution_m.max(1e-3)).floor() as i64;
+        let cy = ((point.y - self.origin.y) / self.resolution_m.max(1e-3)).floor() as i64;
+        let mut best: Option<f64> = None;
+        for iy in (cy - reach).max(0)..=(cy + reach).min(self.height as i64 - 1) {
+            for ix in (cx - reach).max(0)..=(cx + reach).min(self.width as i64 - 1) {
+                let away = (((ix - cx).pow(2) + (iy - cy).pow(2)) as f64).sqrt() * self.resolution_m;
+                let length_m = f64::from(self.length_m[iy as usize * self.width + ix as usize]);
+                if away <= BESIDE_M && length_m.is_finite() {
+                    best = Some(best.map_or(length_m + away, |known: f64| known.min(length_m + away)));
+                }
+            }
+        }
+        best
+    }
+}
+
+struct Visit {
+    length_m: f32,
+    cell: usize,
+}
+
+impl PartialEq for Visit {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+impl Eq for Visit {}
+impl PartialOrd for Visit {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Visit {
+    /// The shortest comes out of the heap first.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.length_m.total_cmp(&self.length_m).then(other.cell.cmp(&self.cell))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use volumetric_map::Cell;
+
+    /// 4 m x 2 m, a wall at x = 2 m with a gap at the top.
+    fn grid(gap: usize) -> OccupancyGrid {
+        let (width, height) = (40, 20);
+        let mut cells = vec![Cell::Free; width * height];
+        for iy in 0..height - gap {
+            cells[iy * width + 20] = Cell::Occupied;
+        }
+        OccupancyGrid { origin: Point2::origin(), resolution_m: 0.1, width, height, cells }
+    }
+
+    #[test]
+    fn the_way_leads_through_the_gap_or_there_is_none() {
+        let start = Point2::new(1.0, 0.5);
+        let goal = Point3::new(3.5, 0.5, 0.5);
+        let open = ReachMap::new(&grid(8), &start, 0.2).length_to(&goal).unwrap();
+        assert!(open > 2.5, "a detour: {open}");
+        assert_eq!(ReachMap::new(&grid(0), &start, 0.2).length_to(&goal), None);
+        assert_eq!(ReachMap::default().length_to(&goal), None);
+    }
+}

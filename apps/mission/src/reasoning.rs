@@ -1,0 +1,493 @@
+//! The mind of the mission: when to think, what about, and what becomes of the answer.
+//!
+//! The reasoner gets a snapshot and is never waited for. Its answer is verified twice: against the snapshot by the loop of
+//! actor and critic, and again at the revision of the graph at which it comes in.
+
+use std::sync::mpsc::{Receiver, TryRecvError};
+
+use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
+use nalgebra::{Isometry3, Point2, Point3};
+use octant_prompt::{
+    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation,
+    SymbolicReasoner,
+    Estimate, TokenCounter, build_prompt_for, decide_with_critic,
+};
+
+use crate::approach::{floor_distance_m, stand_before};
+use crate::config::MissionConfig;
+use crate::goal::{Goal, GoalStatus};
+use crate::journal::{DecisionEntry, TraceEntry};
+use crate::mission::{Mission, Outcome, StepDone};
+use crate::reach::ReachMap;
+
+/// What the robot is after, on behalf of which action.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    /// Nothing yet.
+    None,
+    /// An action that moves the body.
+    Action(Action),
+}
+
+impl Target {
+    /// For the progress line.
+    pub fn describe(&self, graph: &SceneGraph) -> String {
+        let label = |id: &ObjectId| graph.object(*id).map_or_else(|| id.to_string(), |object| object.label.clone());
+        match self {
+            Target::None => "looking around".into(),
+            Target::Action(Action::Explore(_)) => "exploring".into(),
+            Target::Action(Action::GoNear(id)) => format!("going to the {}", label(id)),
+            Target::Action(Action::GoToRoom(id)) => {
+                format!("going to the {}", graph.room(*id).map_or_else(|| id.to_string(), |room| room.name.clone()))
+            }
+            Target::Action(Action::TurnTo(octant)) => format!("turning to {octant}"),
+            Target::Action(action) => action.to_string(),
+        }
+    }
+}
+
+/// Everything a reasoner may look at, owned, as it was when the question was asked.
+#[derive(Clone)]
+pub struct Snapshot {
+    graph: SceneGraph,
+    world_from_body: Isometry3<f64>,
+    instruction: Instruction,
+    step_index: usize,
+    camera_height_m: f64,
+    reach: ReachMap,
+    stoppable: Vec<ObjectId>,
+    frontiers: Vec<PlaceId>,
+    visited: Vec<RoomId>,
+    inspected: Vec<ObjectId>,
+    rejected: Vec<Critique>,
+    stop_distance_m: f64,
+    asked_from: Point3<f64>,
+    last_action: Option<Action>,
+}
+
+impl Snapshot {
+    /// Calls `use_it` with the borrowed form that the prompt crate takes.
+    fn with_situation<T>(&self, use_it: impl FnOnce(&Situation) -> T) -> T {
+        let path_length = |point: &Point3<f64>| self.reach.length_to(point);
+        let can_stop = |id: ObjectId| self.stoppable.contains(&id);
+        let situation = Situation {
+            step_index: self.step_index,
+            camera_height_m: self.camera_height_m,
+            frontiers: &self.frontiers,
+            visited: &self.visited,
+            inspected: &self.inspected,
+            rejected: &self.rejected,
+            stop_distance_m: self.stop_distance_m,
+            asked_from: Some(self.asked_from),
+            last_action: self.last_action.as_ref(),
+            ..Situation::new(&self.graph, self.world_from_body, &self.instruction, &path_length, &can_stop)
+        };
+        use_it(&situation)
+    }
+
+    /// Prompt, reasoner, critic: one decision on this snapshot.
+    fn decide(&self, reasoner: &mut dyn Reasoner, critic: &Critic, config: &MissionConfig) -> Answer {
+        self.with_situation(|situation| {
+            let prompt_config = octant_prompt::PromptConfig {
+                camera_height_m: self.camera_height_m,
+                ..config.prompt.clone()
+            };
+            let prompt = build_prompt_for(situation, &prompt_config, &Estimate);
+            let record = decide_with_critic(
+                reasoner,
+                critic,
+                situation,
+                &prompt,
+                config.max_retries,
+                &mut SymbolicReasoner::default(),
+            );
+            Answer { prompt, record }
+        })
+    }
+}
+
+/// A decision and the prompt it answers.
+pub struct Answer {
+    prompt: Prompt,
+    record: DecisionRecord,
+}
+
+/// A question that has been asked.
+pub struct Pending {
+    asked_s: f64,
+    revision: u64,
+    pose: [f64; 4],
+    answer: Waiting,
+}
+
+enum Waiting {
+    /// The embedded reasoner has answered; the answer counts from this time on.
+    Due(f64, Box<Answer>),
+    /// A model is thinking in another thread; it gives itself back with the answer.
+    Thread(Receiver<(Box<dyn Reasoner + Send>, Answer)>),
+}
+
+/// What the mission remembers for its decisions within one step of the instruction.
+#[derive(Debug, Clone, Default)]
+pub struct StepMemory {
+    /// Rooms the robot has been in.
+    pub visited: Vec<RoomId>,
+    /// Objects it has arrived at.
+    pub inspected: Vec<ObjectId>,
+    /// What failed.
+    pub rejected: Vec<Critique>,
+}
+
+impl Mission {
+    /// Whether something happened that calls for a decision.
+    pub(crate) fn must_think(&mut self, t_s: f64) -> bool {
+        if self.pending.is_some() || t_s < self.next_decision_s {
+            return false;
+        }
+        match *self.body.status() {
+            GoalStatus::Arrived => {
+                self.arrived();
+                return true;
+            }
+            GoalStatus::Failed(why) => {
+                self.failed(why);
+                return true;
+            }
+            GoalStatus::Underway => {}
+        }
+        // A frontier that is no frontier any more is not worth the rest of the way.
+        if let Target::Action(Action::Explore(place)) = &self.target
+            && self.world.graph.place(*place).is_none_or(|place| !place.is_frontier())
+        {
+            return true;
+        }
+        // Something of the kinds that the instruction names appeared, moved to another room, or went.
+        let interest = self.interest();
+        if interest != self.interest {
+            self.interest = interest;
+            return true;
+        }
+        false
+    }
+
+    /// What is known of the kinds of things that the instruction names, as numbers that change when it matters.
+    fn interest(&self) -> Vec<u64> {
+        let nouns = &self.nouns;
+        self.world
+            .graph
+            .confirmed_objects()
+            .filter(|object| nouns.iter().any(|noun| octant_prompt::is_kind_of(&object.label, noun)))
+            .flat_map(|object| [object.id.0, object.room.map_or(u64::MAX, |room| room.0)])
+            .collect()
+    }
+
+    fn arrived(&mut self) {
+        if let Target::Action(Action::GoNear(id)) = &self.target
+            && !self.memory.inspected.contains(id)
+        {
+            self.memory.inspected.push(*id);
+        }
+        if let Target::Action(Action::Explore(place)) = &self.target
+            && let Some(place) = self.world.graph.place(*place)
+        {
+            // Stood there and it is still a frontier: nothing more is to be seen from here.
+            let at = place.position.xy();
+            let here = self.world.odometry.as_ref().map(|o| Point2::from(o.world_from_body.translation.vector.xy()));
+            if here.is_some_and(|here| (here - at).norm() < 1.5) {
+                self.world.coverage.give_up(&at);
+            }
+        }
+    }
+
+    fn failed(&mut self, why: &'static str) {
+        let Target::Action(action) = self.target.clone() else { return };
+        let now_s = self.world.odometry.as_ref().map_or(0.0, |o| self.seconds(o.stamp));
+        self.journal.notes.push((now_s, format!("{action}: {why}")));
+        if let Action::Explore(place) = &action
+            && let Some(place) = self.world.graph.place(*place)
+        {
+            let at = place.position.xy();
+            self.world.coverage.give_up(&at);
+            return;
+        }
+        self.memory.rejected.push(Critique {
+            code: CritiqueCode::Unreachable,
+            message: format!("{action} failed: {why}"),
+            action: Some(action),
+        });
+    }
+
+    /// Asks for a decision on a snapshot of what is known now.
+    pub(crate) fn ask(&mut self, t_s: f64) {
+        let Some(snapshot) = self.snapshot() else { return };
+        self.interest = self.interest();
+        self.next_decision_s = t_s + self.config.decision_period_s;
+        let revision = snapshot.graph.revision();
+        let at = snapshot.world_from_body.translation.vector;
+        let pose = [at.x, at.y, at.z, snapshot.world_from_body.rotation.euler_angles().2];
+        let answer = match self.reasoner.take() {
+            Some(Mind::Embedded(mut reasoner)) => {
+                let (critic, config) = (&self.critic, &self.config);
+                let answer =
+                    self.journal.clock.time("reasoning", || snapshot.decide(reasoner.as_mut(), critic, config));
+                self.reasoner = Some(Mind::Embedded(reasoner));
+                Waiting::Due(t_s + self.config.reasoning_latency_s, Box::new(answer))
+            }
+            Some(Mind::Remote(mut reasoner)) => {
+                let (sender, receiver) = std::sync::mpsc::channel();
+                let (critic, config) = (self.critic.clone(), self.config.clone());
+                std::thread::spawn(move || {
+                    let answer = snapshot.decide(reasoner.as_mut(), &critic, &config);
+                    // The mission may be over; then nobody wants the answer.
+                    let _ = sender.send((reasoner, answer));
+                });
+                Waiting::Thread(receiver)
+            }
+            None => return,
+        };
+        self.pending = Some(Pending { asked_s: t_s, revision, pose, answer });
+    }
+
+    /// Takes an answer that has come in, verifies it at the present revision, and acts on it.
+    pub(crate) fn take_answer(&mut self, t_s: f64) {
+        let Some(pending) = self.pending.take() else { return };
+        let Pending { asked_s, revision, pose, answer } = pending;
+        let answer = match answer {
+            Waiting::Due(due_s, answer) if t_s >= due_s => *answer,
+            Waiting::Due(..) => {
+                self.pending = Some(Pending { asked_s, revision, pose, answer });
+                return;
+            }
+            Waiting::Thread(receiver) => match receiver.try_recv() {
+                Ok((reasoner, answer)) => {
+                    self.reasoner = Some(Mind::Remote(reasoner));
+                    answer
+                }
+                Err(TryRecvError::Empty) => {
+                    self.pending = Some(Pending { asked_s, revision, pose, answer: Waiting::Thread(receiver) });
+                    return;
+                }
+                Err(TryRecvError::Disconnected) => {
+                    self.journal.notes.push((t_s, "the reasoner died; the embedded one goes on".into()));
+                    self.reasoner = Some(Mind::Embedded(Box::new(SymbolicReasoner::default())));
+                    return;
+                }
+            },
+        };
+        let Some(now) = self.snapshot() else { return };
+        let mut entry = self.entry(t_s, asked_s, revision, pose, &answer);
+        entry.verdict_revision = now.graph.revision();
+        let Some(action) = answer.record.reply.as_ref().map(|reply| reply.action.clone()) else {
+            entry.verdicts.push("no proposal was accepted; the robot holds".into());
+            self.journal.decisions.push(entry);
+            self.unsure += 1;
+            const PATIENCE: u32 = 20;
+            if self.unsure >= PATIENCE {
+                let reason = "No action passed the critic any more, so the search is over.".into();
+                self.finish(Outcome::GaveUp { reason });
+            }
+            return;
+        };
+        self.unsure = 0;
+        let verdict = now.with_situation(|situation| self.critic.check(&action, situation, answer.prompt.revision));
+        match verdict {
+            Ok(()) => {
+                entry.verdicts.push("accepted".into());
+                self.journal.decisions.push(entry);
+                self.act(action, t_s);
+            }
+            Err(critique) => {
+                entry.verdicts.push(format!("rejected at revision {}: {}", now.graph.revision(), critique.message));
+                self.journal.decisions.push(entry);
+            }
+        }
+    }
+
+    /// Turns a verified action into a goal of the body, or into the end of a step.
+    fn act(&mut self, action: Action, t_s: f64) {
+        match &action {
+            Action::Stop(target) => self.step_is_done(*target, t_s),
+            Action::GiveUp { reason } => self.finish(Outcome::GaveUp { reason: reason.clone() }),
+            _ => {
+                let is_same = self.target == Target::Action(action.clone());
+                if is_same && *self.body.status() == GoalStatus::Underway {
+                    return;
+                }
+                match self.goal_of(&action) {
+                    Some(goal) => {
+                        self.body.set_goal(goal);
+                        self.target = Target::Action(action);
+                        let (body, world, clock) = (&mut self.body, &self.world, &mut self.journal.clock);
+                        body.replan(world, clock);
+                    }
+                    None => {
+                        self.target = Target::Action(action);
+                        self.failed("no place to stand was found");
+                        self.target = Target::None;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where the body must be for an action.
+    fn goal_of(&self, action: &Action) -> Option<Goal> {
+        let odometry = self.world.odometry.as_ref()?;
+        let here = Point2::from(odometry.world_from_body.translation.vector.xy());
+        match action {
+            Action::GoNear(id) => {
+                let object = self.world.graph.object(*id)?;
+                const FALLBACK_M: f64 = 1.3;
+                let stand = stand_before(
+                    &object.bounds,
+                    &here,
+                    &self.world.navigation,
+                    self.world.floor_m + self.world.camera_height_m(),
+                    self.config.stop_distance_m - 0.15,
+                    FALLBACK_M,
+                    &|eye, thing| self.world.is_clear(eye, thing),
+                )?;
+                Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) })
+            }
+            Action::Explore(id) => {
+                let place = self.world.graph.place(*id)?;
+                Some(Goal::Reach { target: place.position.xy(), tolerance_m: 1.2, heading_rad: None })
+            }
+            Action::GoToRoom(id) => {
+                let room = self.world.graph.room(*id)?;
+                Some(Goal::Reach { target: room.center.xy(), tolerance_m: 1.0, heading_rad: None })
+            }
+            Action::TurnTo(octant) => {
+                let (_, _, yaw_rad) = odometry.world_from_body.rotation.euler_angles();
+                let direction = octant.direction_in_body();
+                Some(Goal::Turn { heading_rad: yaw_rad + direction.y.atan2(direction.x) })
+            }
+            Action::Stop(_) | Action::GiveUp { .. } => None,
+        }
+    }
+
+    /// The critic agreed that the present step is done: the next one, or the end.
+    fn step_is_done(&mut self, target: octant_prompt::Target, t_s: f64) {
+        let graph = &self.world.graph;
+        let (name, at) = match target {
+            octant_prompt::Target::Object(id) => match graph.object(id) {
+                Some(object) => (format!("{} {}", object.label, id), object.centroid),
+                None => return,
+            },
+            octant_prompt::Target::Room(id) => match graph.room(id) {
+                Some(room) => (format!("{} {}", room.name, id), room.center),
+                None => return,
+            },
+        };
+        let step = self.step_index;
+        let stamp = self.world.odometry.as_ref().map_or(self.start, |o| o.stamp);
+        self.steps_done.push(StepDone { step, stamp });
+        self.step_index += 1;
+        self.memory = StepMemory::default();
+        self.target = Target::None;
+        self.next_decision_s = t_s;
+        self.body.set_goal(Goal::Stay);
+        if self.step_index >= self.instruction.steps.len() {
+            self.finish(Outcome::Stopped { target: name, at });
+        }
+    }
+
+    /// What is known now, in the form that a reasoner may keep.
+    fn snapshot(&mut self) -> Option<Snapshot> {
+        let odometry = self.world.odometry.clone()?;
+        let here = Point2::from(odometry.world_from_body.translation.vector.xy());
+        self.remember_room(&odometry.world_from_body);
+        let reach = ReachMap::new(&self.world.navigation.grid, &here, self.world.navigation.clearance_m());
+        let graph = self.world.graph.snapshot();
+        let eye_m = self.world.floor_m + self.world.camera_height_m();
+        let eye = Point3::new(here.x, here.y, eye_m);
+        const BEST_EFFORT_M: f64 = 1.35;
+        let stoppable = graph
+            .objects()
+            .filter(|object| {
+                let distance_m = floor_distance_m(&object.bounds, &here);
+                let has_arrived = self.memory.inspected.contains(&object.id);
+                let is_visible = || self.world.is_clear(&eye, &crate::approach::in_front_of(&eye, &object.bounds.center(), &object.bounds));
+                (distance_m <= self.config.stop_distance_m && (has_arrived || is_visible()))
+                    || (has_arrived && distance_m <= BEST_EFFORT_M)
+            })
+            .map(|object| object.id)
+            .collect();
+        let frontiers = graph.frontiers().map(|place| place.id).collect();
+        Some(Snapshot {
+            world_from_body: odometry.world_from_body,
+            instruction: self.instruction.clone(),
+            step_index: self.step_index,
+            camera_height_m: self.robot.sensors.body_from_camera.translation.vector.z,
+            reach,
+            stoppable,
+            frontiers,
+            visited: self.memory.visited.clone(),
+            inspected: self.memory.inspected.clone(),
+            rejected: self.memory.rejected.clone(),
+            stop_distance_m: self.config.stop_distance_m,
+            asked_from: self.asked_from,
+            last_action: match &self.target {
+                Target::Action(action) => Some(action.clone()),
+                Target::None => None,
+            },
+            graph,
+        })
+    }
+
+    fn remember_room(&mut self, world_from_body: &Isometry3<f64>) {
+        let at = Point3::from(world_from_body.translation.vector);
+        if let Some(room) = self.world.graph.room_at(&at)
+            && !self.memory.visited.contains(&room)
+        {
+            self.memory.visited.push(room);
+        }
+    }
+
+    fn entry(&self, t_s: f64, asked_s: f64, revision: u64, pose: [f64; 4], answer: &Answer) -> DecisionEntry {
+        let record = &answer.record;
+        let reply = record.reply.as_ref();
+        // Each try of a model sends the prompt again; the embedded reasoner reads it once.
+        let sent = record.attempts.iter().filter(|attempt| attempt.by == record.attempts[0].by).count().max(1);
+        let received = |attempt: &Attempt| match &attempt.outcome {
+            Ok(reply) => (reply.text.clone(), reply.answer_tokens.unwrap_or_else(|| Estimate.count(&reply.text))),
+            Err(error) => (format!("({error})"), 0),
+        };
+        let replies: Vec<(String, usize)> = record.attempts.iter().map(received).collect();
+        DecisionEntry {
+            index: self.journal.decisions.len(),
+            asked_s,
+            decided_s: t_s,
+            revision,
+            verdict_revision: revision,
+            step: self.step_index,
+            reasoner: record.decided_by.clone(),
+            prompt: answer.prompt.text.clone(),
+            prompt_tokens: answer.prompt.tokens * sent,
+            answer_tokens: replies.iter().map(|(_, tokens)| tokens).sum(),
+            replies: replies.into_iter().map(|(text, _)| text).collect(),
+            trace: reply
+                .into_iter()
+                .flat_map(|reply| &reply.trace)
+                .map(|step| TraceEntry {
+                    step: step.step.word().to_owned(),
+                    input: step.input.clone(),
+                    output: step.output.clone(),
+                })
+                .collect(),
+            action: reply.map_or_else(|| "hold".to_owned(), |reply| reply.action.text(&answer.prompt.names)),
+            verdicts: record.objections().map(|critique| format!("rejected: {}", critique.message)).collect(),
+            is_fallback: record.is_fallback,
+            confidence: reply.map_or(0.0, |reply| reply.confidence),
+            pose,
+        }
+    }
+}
+
+/// Who reasons for a mission.
+pub enum Mind {
+    /// Answers at once; its delay is a number, so that a replay gives the same bytes.
+    Embedded(Box<dyn Reasoner + Send>),
+    /// Takes its time in another thread.
+    Remote(Box<dyn Reasoner + Send>),
+}

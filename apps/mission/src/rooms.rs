@@ -1,0 +1,216 @@
+//! Rooms from the map: a slice above the furniture, its clearance, and the partition of that clearance by `Pinch`.
+//!
+//! The slice lies between table tops and door lintels, so walls remain and most furniture is gone; what stands alone in
+//! it is filled (notes on rooms: furniture is filled first). Each free pixel becomes a vertex whose value is its
+//! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
+
+use nalgebra::{Point2, Point3};
+use topo_ph::{Graph, GraphError, PinchConfig, pinch};
+use volumetric_map::{Cell, OccupancyGrid, clearance, fill_islands};
+
+/// How rooms are cut out of the slice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomConfig {
+    /// Islands up to this area are furniture and filled, default 1.0 m².
+    pub island_area_m2: f64,
+    /// ... if no side of their box is longer than this, default 1.2 m.
+    pub island_side_m: f64,
+    /// Ratio of the pinch, default 0.85 (notes on rooms, 3).
+    pub rho: f64,
+    /// Prominence of a room, default 0.10 m.
+    pub tau_m: f64,
+    /// Smallest room, default 1.5 m².
+    pub min_area_m2: f64,
+}
+
+impl Default for RoomConfig {
+    fn default() -> Self {
+        Self { island_area_m2: 1.0, island_side_m: 1.2, rho: 0.85, tau_m: 0.10, min_area_m2: 1.5 }
+    }
+}
+
+/// The free part of a slice, cut into rooms.
+#[derive(Debug, Clone)]
+pub struct RoomMap {
+    grid: OccupancyGrid,
+    /// Room per cell, `None` where the slice is not free.
+    part_of_cell: Vec<Option<u32>>,
+    /// Per room: a point well inside it (where its clearance is largest) and its area.
+    pub rooms: Vec<RoomShape>,
+    /// Openings between rooms.
+    pub doorways: Vec<Doorway>,
+}
+
+/// One room of a [`RoomMap`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomShape {
+    /// The point of largest clearance.
+    pub center: Point2<f64>,
+    /// Area of its free cells.
+    pub area_m2: f64,
+}
+
+/// An opening between two rooms: the widest place of their common border.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Doorway {
+    /// Indices into [`RoomMap::rooms`].
+    pub between: (usize, usize),
+    /// Its middle.
+    pub at: Point2<f64>,
+    /// Its width: twice the clearance of its middle.
+    pub width_m: f64,
+}
+
+impl RoomMap {
+    /// Cuts `slice` into rooms. An empty slice has none.
+    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, GraphError> {
+        // 1. Furniture that stands alone is filled.
+        let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
+        // 2. Clearance of every free cell; what nobody saw counts as a wall.
+        let clearance_m = clearance(&grid, true);
+        // 3. The graph of free cells, eight neighbours each.
+        let (graph, cell_of_vertex) = pixel_graph(&grid, &clearance_m)?;
+        // 4. The partition.
+        let cell_area_m2 = grid.resolution_m * grid.resolution_m;
+        let areas = vec![cell_area_m2; graph.len()];
+        let pinch_config = PinchConfig { rho: config.rho, tau: config.tau_m, min_area: config.min_area_m2 };
+        let partition = pinch(&graph, &areas, &pinch_config)?;
+
+        let center_of = |vertex: u32| {
+            let cell = cell_of_vertex[vertex as usize];
+            grid.center(cell % grid.width, cell / grid.width)
+        };
+        let mut part_of_cell = vec![None; grid.cells.len()];
+        for (vertex, &part) in partition.part_of.iter().enumerate() {
+            part_of_cell[cell_of_vertex[vertex]] = Some(part);
+        }
+        let rooms = partition
+            .parts
+            .iter()
+            .map(|part| RoomShape { center: center_of(part.peak), area_m2: part.area })
+            .collect();
+        let doorways = partition
+            .borders
+            .iter()
+            .map(|border| {
+                let (u, v) = graph.edges()[border.edge as usize];
+                Doorway {
+                    between: (border.a as usize, border.b as usize),
+                    at: nalgebra::center(&center_of(u), &center_of(v)),
+                    width_m: 2.0 * border.saddle,
+                }
+            })
+            .collect();
+        Ok(RoomMap { grid, part_of_cell, rooms, doorways })
+    }
+
+    /// Index of the room at `point`; for a point in a wall or on furniture, of the nearest room within `0.6 m`.
+    pub fn room_at(&self, point: &Point3<f64>) -> Option<usize> {
+        const REACH_M: f64 = 0.6;
+        let (ix, iy) = self.grid.cell_of(&point.xy())?;
+        let reach = (REACH_M / self.grid.resolution_m).ceil() as i64;
+        let mut best: Option<(i64, u32)> = None;
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let (x, y) = (ix as i64 + dx, iy as i64 + dy);
+                if x < 0 || y < 0 || x >= self.grid.width as i64 || y >= self.grid.height as i64 {
+                    continue;
+                }
+                let squared = dx * dx + dy * dy;
+                if best.is_some_and(|(nearest, _)| nearest <= squared) {
+                    continue;
+                }
+                if let Some(part) = self.part_of_cell[y as usize * self.grid.width + x as usize] {
+                    best = Some((squared, part));
+                    if squared == 0 {
+                        return Some(part as usize);
+                    }
+                }
+            }
+        }
+        best.filter(|(squared, _)| *squared <= reach * reach).map(|(_, part)| part as usize)
+    }
+
+    /// The grid on which the rooms were cut, furniture filled.
+    pub fn grid(&self) -> &OccupancyGrid {
+        &self.grid
+    }
+
+    /// Room per cell of [`RoomMap::grid`], row by row.
+    pub fn part_of_cell(&self) -> &[Option<u32>] {
+        &self.part_of_cell
+    }
+}
+
+/// Free cells as vertices weighted with their clearance, eight-neighbourhood as edges. Also returns the cell of each vertex.
+fn pixel_graph(grid: &OccupancyGrid, clearance_m: &[f32]) -> Result<(Graph, Vec<usize>), GraphError> {
+    const OBSTACLE: u32 = u32::MAX;
+    let mut vertex_of_cell = vec![OBSTACLE; grid.cells.len()];
+    let mut cell_of_vertex = Vec::new();
+    let mut values = Vec::new();
+    for (cell, content) in grid.cells.iter().enumerate() {
+        if *content == Cell::Free {
+            vertex_of_cell[cell] = cell_of_vertex.len() as u32;
+            cell_of_vertex.push(cell);
+            values.push(f64::from(clearance_m[cell]));
+        }
+    }
+    let mut edges = Vec::with_capacity(4 * cell_of_vertex.len());
+    for (vertex, &cell) in cell_of_vertex.iter().enumerate() {
+        let (ix, iy) = (cell % grid.width, cell / grid.width);
+        // Each pair once: right, and the three cells of the row above.
+        for (dx, dy) in [(1_i64, 0_i64), (-1, 1), (0, 1), (1, 1)] {
+            let (x, y) = (ix as i64 + dx, iy as i64 + dy);
+            if x < 0 || x >= grid.width as i64 || y >= grid.height as i64 {
+                continue;
+            }
+            let neighbour = vertex_of_cell[y as usize * grid.width + x as usize];
+            if neighbour != OBSTACLE {
+                edges.push((vertex as u32, neighbour));
+            }
+        }
+    }
+    Ok((Graph::new(values, edges, None)?, cell_of_vertex))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two rooms of 4 m x 4 m, a wall of one cell between them, a door of 1 m in its middle.
+    fn two_rooms() -> OccupancyGrid {
+        let (width, height, resolution_m) = (83, 42, 0.1);
+        let mut cells = vec![Cell::Free; width * height];
+        for iy in 0..height {
+            for ix in 0..width {
+                let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
+                let is_wall = ix == 41 && !(16..26).contains(&iy);
+                if is_border || is_wall {
+                    cells[iy * width + ix] = Cell::Occupied;
+                }
+            }
+        }
+        OccupancyGrid { origin: Point2::new(-1.0, 2.0), resolution_m, width, height, cells }
+    }
+
+    #[test]
+    fn a_door_separates_two_rooms() {
+        let map = RoomMap::new(&two_rooms(), &RoomConfig::default()).unwrap();
+        assert_eq!(map.rooms.len(), 2);
+        let left = map.room_at(&Point3::new(0.0, 4.0, 1.0)).unwrap();
+        let right = map.room_at(&Point3::new(5.0, 4.0, 1.0)).unwrap();
+        assert_ne!(left, right);
+        assert_eq!(map.doorways.len(), 1);
+        let doorway = &map.doorways[0];
+        assert!((doorway.at - Point2::new(3.15, 4.1)).norm() < 0.2, "{doorway:?}");
+        assert!((doorway.width_m - 1.0).abs() < 0.25, "{doorway:?}");
+    }
+
+    #[test]
+    fn an_empty_slice_has_no_rooms() {
+        let grid =
+            OccupancyGrid { origin: Point2::origin(), resolution_m: 0.1, width: 0, height: 0, cells: Vec::new() };
+        let map = RoomMap::new(&grid, &RoomConfig::default()).unwrap();
+        assert!(map.rooms.is_empty() && map.room_at(&Point3::origin()).is_none());
+    }
+}

@@ -1,0 +1,357 @@
+//! What the robot knows of the world: volume, distances, places, rooms, objects, and where it has looked.
+//!
+//! [`WorldModel::see`] takes what the sensors say as it comes; [`WorldModel::refresh`] twice a second draws the conclusions.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use dsg::{ObjectEvidence, SceneGraph};
+use nalgebra::{Isometry3, Point2, Point3};
+use omni_perception::{
+    DeskewConfig, EncoderTrack, Equirectangular, LabelConfig, MaskedPanorama, OdometryEstimate, RawScan,
+    ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, label_points, observe_objects,
+};
+use robot_model::{RobotKind, RobotModel};
+use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
+
+use crate::config::MissionConfig;
+use crate::coverage::Coverage;
+use crate::error::MissionError;
+use crate::graph_builder::GraphBuilder;
+use crate::journal::StageClock;
+use crate::navigation::NavigationMap;
+use crate::rooms::RoomMap;
+use crate::stream::SensorEvent;
+
+/// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
+const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
+/// Obstacles of a scan are kept up to this range for the local policy.
+const OBSTACLE_RANGE_M: f64 = 3.5;
+
+/// One deskewed scan, kept until the images around it have been labelled.
+struct RecentScan {
+    stamp: Stamp,
+    points_in_world: Vec<Point3<f32>>,
+}
+
+/// Counts of what was not used, and why; reported, never silent.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Ignored {
+    /// Points that were not finite, or older or younger than their scan.
+    pub points: u64,
+    /// Encoder angles and odometry that were not finite or out of order.
+    pub samples: u64,
+    /// Scans without odometry around them.
+    pub scans: u64,
+    /// Images without scans or odometry around them.
+    pub images: u64,
+    /// Map updates that were refused, e.g. because the map is full.
+    pub updates: u64,
+}
+
+/// Everything known, in the frame of the odometry.
+pub struct WorldModel {
+    config: MissionConfig,
+    mount: RotatingMount,
+    camera: Equirectangular,
+    body_from_camera: Isometry3<f64>,
+    solid_m: (f64, f64),
+    robot: RobotModel,
+    encoder: EncoderTrack,
+    trajectory: Trajectory,
+    recent: VecDeque<RecentScan>,
+    waiting: VecDeque<MaskedPanorama>,
+    obstacles: VecDeque<(Stamp, Vec<Point2<f32>>)>,
+    label_ids: BTreeMap<String, u16>,
+    builder: GraphBuilder,
+    /// Newest odometry.
+    pub odometry: Option<OdometryEstimate>,
+    /// Surface and free space.
+    pub volume: Volume,
+    /// Distances to obstacles.
+    pub field: DistanceField,
+    /// Skeleton of the free space.
+    pub places: PlaceGraph,
+    /// The five layers.
+    pub graph: SceneGraph,
+    /// Rooms as cut from the last slice.
+    pub rooms: Option<RoomMap>,
+    /// The slice they were cut from.
+    pub slice: OccupancyGrid,
+    /// Where the camera has looked.
+    pub coverage: Coverage,
+    /// Where this robot can go.
+    pub navigation: NavigationMap,
+    /// Height of the floor.
+    pub floor_m: f64,
+    /// Height of the body origin above the floor when it moves.
+    pub body_height_m: f64,
+    /// What was not used.
+    pub ignored: Ignored,
+}
+
+impl WorldModel {
+    /// Nothing known; `floor_m` is the height of the floor under the robot in the frame of the odometry.
+    pub fn new(robot: &RobotModel, config: &MissionConfig, camera: Equirectangular, floor_m: f64) -> Result<Self, MissionError> {
+        let body_height_m = match robot.kind {
+            RobotKind::Ground => robot.stance_height_m,
+            RobotKind::Aerial => config.flight_height_m,
+        };
+        let (low_m, high_m) = robot.height_span_m;
+        Ok(Self {
+            mount: RotatingMount {
+                body_from_stator: robot.sensors.body_from_lidar_stator,
+                rotor_from_sensor: robot.sensors.rotor_from_sensor,
+            },
+            camera,
+            body_from_camera: robot.sensors.body_from_camera,
+            solid_m: (body_height_m + low_m, body_height_m + high_m),
+            robot: robot.clone(),
+            encoder: EncoderTrack::rotating(0.0),
+            trajectory: Trajectory::default(),
+            recent: VecDeque::new(),
+            waiting: VecDeque::new(),
+            obstacles: VecDeque::new(),
+            label_ids: BTreeMap::new(),
+            builder: GraphBuilder::default(),
+            odometry: None,
+            volume: Volume::new(config.volume.clone())?,
+            field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
+            places: PlaceGraph::new(PlaceConfig::default())?,
+            graph: SceneGraph::new(),
+            rooms: None,
+            slice: OccupancyGrid {
+                origin: Point2::origin(),
+                resolution_m: config.volume.voxel_m,
+                width: 0,
+                height: 0,
+                cells: Vec::new(),
+            },
+            coverage: Coverage::new(config.coverage.clone()),
+            navigation: NavigationMap::new(robot),
+            floor_m,
+            body_height_m,
+            ignored: Ignored::default(),
+            config: config.clone(),
+        })
+    }
+
+    /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
+    pub fn know(&mut self, known: crate::archive::Known) {
+        self.graph = known.graph;
+        self.volume = known.volume;
+        self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
+        self.slice =
+            self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
+        self.coverage.know(&self.slice);
+        self.builder.forget_frontiers(&mut self.graph);
+    }
+
+    /// Takes one thing that the sensors said.
+    pub fn see(&mut self, event: SensorEvent, clock: &mut StageClock) {
+        match event {
+            SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
+            SensorEvent::Encoder(sample) => {
+                if self.encoder.push(sample).is_err() {
+                    self.ignored.samples += 1;
+                }
+            }
+            SensorEvent::Odometry(estimate) => {
+                if self.trajectory.push(&estimate).is_ok() {
+                    self.odometry = Some(estimate);
+                } else {
+                    self.ignored.samples += 1;
+                }
+            }
+            SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
+            SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
+        }
+        self.label_waiting(clock);
+    }
+
+    /// One revolution of the LiDAR: straightened, put into the map, and its nearest obstacles kept.
+    fn see_scan(&mut self, scan: &RawScan, clock: &mut StageClock) {
+        let config = DeskewConfig::default();
+        let straight = clock.time("deskew", || {
+            deskew(scan, &self.encoder, &self.mount, &self.trajectory, ReferenceTime::End, &config)
+        });
+        let Ok(straight) = straight else {
+            self.ignored.scans += 1;
+            return;
+        };
+        self.ignored.points += straight.dropped.total() as u64;
+        let points = straight.points_in_world();
+        let origin = straight.sensor_origin_in_world();
+        let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
+        if integrated.is_err() {
+            self.ignored.updates += 1;
+        }
+        let here = straight.world_from_body.translation.vector;
+        let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
+        let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
+        self.obstacles.push_back((straight.stamp, obstacles));
+        while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
+            self.obstacles.pop_front();
+        }
+        self.recent.push_back(RecentScan { stamp: straight.stamp, points_in_world: points });
+        let window_s = self.config.label_window_s + self.config.label_delay_s + 0.6;
+        let oldest = Stamp(straight.stamp.0 - (window_s * 1e9) as i64);
+        while self.recent.front().is_some_and(|scan| scan.stamp < oldest) {
+            self.recent.pop_front();
+        }
+    }
+
+    /// Points at the height of the body, thinned to one per 4 cm.
+    fn obstacles_of(&self, points: &[Point3<f32>], here: &Point2<f64>) -> Vec<Point2<f32>> {
+        const THIN_M: f32 = 0.04;
+        const OVER_FLOOR_M: f64 = 0.10;
+        let body_m = match self.robot.kind {
+            RobotKind::Ground => self.floor_m,
+            // The ball moves with the robot's height.
+            RobotKind::Aerial => self.odometry.as_ref().map_or(self.floor_m, |o| {
+                o.world_from_body.translation.vector.z - self.body_height_m
+            }),
+        };
+        let low_m = (body_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
+        let high_m = (body_m + self.solid_m.1 + 0.05) as f32;
+        let (x, y) = (here.x as f32, here.y as f32);
+        let range = OBSTACLE_RANGE_M as f32;
+        let mut cells: Vec<(i32, i32)> = points
+            .iter()
+            .filter(|p| p.z > low_m && p.z < high_m && (p.x - x).abs() < range && (p.y - y).abs() < range)
+            .map(|p| ((p.x / THIN_M).floor() as i32, (p.y / THIN_M).floor() as i32))
+            .collect();
+        cells.sort_unstable();
+        cells.dedup();
+        cells
+            .into_iter()
+            .map(|(ix, iy)| Point2::new((ix as f32 + 0.5) * THIN_M, (iy as f32 + 0.5) * THIN_M))
+            .collect()
+    }
+
+    /// What the last scans show around the robot, and what the map remembers where they are blind.
+    pub fn obstacles_near(&self, here: &Point2<f64>) -> Vec<Point2<f32>> {
+        const MEMORY_RANGE_M: f64 = 1.2;
+        let mut points: Vec<Point2<f32>> =
+            self.obstacles.iter().flat_map(|(_, points)| points.iter().copied()).collect();
+        points.extend(self.navigation.occupied_near(here, MEMORY_RANGE_M));
+        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        points.dedup();
+        points
+    }
+
+    /// Labels the images around which all scans have come in.
+    fn label_waiting(&mut self, clock: &mut StageClock) {
+        while let Some(panorama) = self.waiting.front() {
+            let due = panorama.stamp.0 + (self.config.label_delay_s * 1e9) as i64;
+            if self.odometry.as_ref().is_none_or(|newest| newest.stamp.0 < due) {
+                return;
+            }
+            let panorama = self.waiting.pop_front().expect("it has a front");
+            self.label(&panorama, clock);
+        }
+    }
+
+    /// One image: which point belongs to which mask, which object to which masks.
+    fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) {
+        let Some(world_from_body) = self.trajectory.at(panorama.stamp) else {
+            self.ignored.images += 1;
+            return;
+        };
+        let world_from_camera = world_from_body * self.body_from_camera;
+        let window_ns = (self.config.label_window_s * 1e9) as i64;
+        let points: Vec<Point3<f32>> = self
+            .recent
+            .iter()
+            .filter(|scan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns)
+            .flat_map(|scan| scan.points_in_world.iter().copied())
+            .collect();
+        if points.is_empty() {
+            self.ignored.images += 1;
+            return;
+        }
+        let camera_from_world = world_from_camera.inverse().cast::<f32>();
+        let observations = clock.time("labels", || {
+            let in_camera: Vec<Point3<f32>> = points.iter().map(|point| camera_from_world * point).collect();
+            let masks = label_points(&in_camera, &self.camera, &panorama.masks, &LabelConfig::default());
+            observe_objects(&points, &masks, panorama, &self.camera, &world_from_camera)
+        });
+        let mut votes = Vec::new();
+        let mut evidence = Vec::with_capacity(observations.len());
+        for observation in observations {
+            let Some((label, _)) = observation.label_weights.first() else { continue };
+            let next = self.label_ids.len() as u16 + 1;
+            let id = *self.label_ids.entry(label.clone()).or_insert(next);
+            votes.extend(observation.points_in_world.iter().map(|point| (*point, id)));
+            evidence.push(ObjectEvidence {
+                stamp_ns: observation.stamp.0,
+                label_weights: observation.label_weights,
+                caption: observation.caption,
+                score: observation.score,
+                points: observation.points_in_world,
+                color: observation.color_rgb,
+            });
+        }
+        clock.time("votes", || self.volume.vote_labels(&votes));
+        let eye = world_from_camera * Point3::origin();
+        clock.time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
+        self.coverage.look(&eye.xy(), &self.slice);
+    }
+
+    /// Twice a second: surface, distances, places, rooms, relations, ways.
+    pub fn refresh(&mut self, clock: &mut StageClock) {
+        let Some(odometry) = self.odometry.clone() else { return };
+        clock.time("mesh", || self.volume.update_mesh());
+        clock.time("distance", || self.field.update(&self.volume));
+        let events = clock.time("places", || self.places.update(&self.field));
+        self.slice = clock.time("slice", || {
+            self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None)
+        });
+        clock.time("navigation", || {
+            self.navigation.refresh(
+                &self.volume,
+                &self.robot,
+                &odometry.world_from_body,
+                self.floor_m,
+                self.body_height_m,
+            );
+        });
+        clock.time("coverage", || self.coverage.update(&self.slice));
+        self.rooms = clock.time("rooms", || RoomMap::new(&self.slice, &self.config.rooms).ok());
+        clock.time("graph", || {
+            self.builder.update(
+                &mut self.graph,
+                &events,
+                self.rooms.as_ref(),
+                self.coverage.frontiers(),
+                &self.field,
+                &odometry,
+                self.floor_m,
+            );
+        });
+    }
+
+    /// Height of the camera over the floor while the robot moves.
+    pub fn camera_height_m(&self) -> f64 {
+        self.body_height_m + self.body_from_camera.translation.vector.z
+    }
+
+    /// Whether the map shows nothing between two points.
+    pub fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
+        let way = to - from;
+        let steps = (way.norm() / (0.5 * self.config.volume.voxel_m)).ceil().max(1.0) as usize;
+        (0..=steps).all(|step| {
+            let point = from + way * (step as f64 / steps as f64);
+            self.volume.observe(&point) != Cell::Occupied
+        })
+    }
+
+    /// Points on surfaces in a box, as exact as the mesh: what a corridor must keep clear of.
+    pub fn surface_points(&self, low: &Point3<f64>, high: &Point3<f64>) -> Vec<Point3<f64>> {
+        self.volume.surface_points(low, high)
+    }
+
+    /// Name of each label id that the volume carries.
+    pub fn label_names(&self) -> BTreeMap<u16, String> {
+        self.label_ids.iter().map(|(name, id)| (*id, name.clone())).collect()
+    }
+}

@@ -1,0 +1,173 @@
+//! Which view of a frame shows which known object.
+
+use nalgebra::Point3;
+
+use crate::bounds::Aabb;
+use crate::graph::SceneGraph;
+use crate::ids::ObjectId;
+use crate::labels::label_similarity;
+use crate::memory::{ObjectMemory, drift_m, robust_bounds, thin};
+use crate::object::Object;
+use crate::observe::{AssociationConfig, ObjectEvidence};
+
+/// Labels at least this alike may be the same thing seen badly (look-alikes).
+const LIKE: f64 = 0.5;
+/// Labels at least this alike are the same word or nearly so.
+const SAME: f64 = 0.75;
+/// Points of a view that are compared with objects.
+const SAMPLE: usize = 192;
+
+/// One piece of evidence, checked and measured.
+pub(crate) struct View<'a> {
+    pub index: usize,
+    pub stamp_ns: i64,
+    pub labels: Vec<(String, f64)>,
+    pub caption: &'a str,
+    pub score: f32,
+    pub color: Option<[u8; 3]>,
+    pub evidence_points: &'a [Point3<f32>],
+    pub sample: Vec<Point3<f64>>,
+    pub bounds: Aabb,
+}
+
+impl<'a> View<'a> {
+    /// `None` for evidence with too few points, a NaN, no label or a low score.
+    pub fn new(index: usize, evidence: &'a ObjectEvidence, config: &AssociationConfig) -> Option<View<'a>> {
+        // Half a light second: voxel indices stay in range.
+        const FAR_M: f32 = 1.0e7;
+        let is_good = |p: &Point3<f32>| p.iter().all(|x| x.abs() < FAR_M);
+        let score = evidence.score.min(1.0);
+        let scored = score >= config.min_score.max(f32::MIN_POSITIVE);
+        if evidence.points.len() < config.min_points || !scored || !evidence.points.iter().all(is_good) {
+            return None;
+        }
+        let total: f64 =
+            evidence.label_weights.iter().map(|(_, w)| *w).filter(|w| w.is_finite() && *w > 0.0).sum();
+        let mut labels: Vec<(String, f64)> = evidence
+            .label_weights
+            .iter()
+            .filter(|(label, weight)| *weight > 0.0 && weight.is_finite() && !label.trim().is_empty())
+            .map(|(label, weight)| (label.trim().to_lowercase(), weight / total))
+            .collect();
+        labels.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        if labels.is_empty() || !total.is_finite() {
+            return None;
+        }
+        let sample = thin(&evidence.points, SAMPLE);
+        let weighted: Vec<(Point3<f64>, f64)> = sample.iter().map(|point| (*point, 1.0)).collect();
+        let bounds = robust_bounds(&weighted)?;
+        Some(View {
+            index,
+            stamp_ns: evidence.stamp_ns,
+            labels,
+            caption: evidence.caption.trim(),
+            score,
+            color: evidence.color,
+            evidence_points: &evidence.points,
+            sample,
+            bounds,
+        })
+    }
+
+    /// The label with the largest share.
+    pub fn top_label(&self) -> &str {
+        &self.labels[0].0
+    }
+}
+
+/// How well a view fits an object.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    /// Share of the view's points on the object's points.
+    overlap: f64,
+    /// 1 at the same centre, 0 at the gate and beyond.
+    closeness: f64,
+    /// Likeness of the labels.
+    likeness: f64,
+    /// Diagonal of the smaller over that of the larger.
+    size_ratio: f64,
+    /// Whether the frame may have drifted noticeably since the object was seen.
+    is_stale: bool,
+}
+
+/// For each view the object it shows, `None` for a new one. Greedy by fit: deterministic, and as good as an optimal
+/// assignment where gates are narrow.
+pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<ObjectId>> {
+    let mut fits: Vec<(f64, ObjectId, usize, Fit)> = Vec::new();
+    for object in graph.objects() {
+        let Some(memory) = graph.memory.get(&object.id) else { continue };
+        for (at, view) in views.iter().enumerate() {
+            if view.bounds.gap_m(&object.bounds) > 0.4 {
+                continue;
+            }
+            let fit = fit(view, object, memory, config);
+            if is_same_thing(&fit, config) {
+                let score = 0.5 * fit.overlap + 0.3 * fit.closeness + 0.2 * fit.likeness;
+                fits.push((score, object.id, at, fit));
+            }
+        }
+    }
+    fits.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+
+    let mut object_of = vec![None; views.len()];
+    let mut taken: Vec<ObjectId> = Vec::new();
+    for (_, id, at, fit) in fits {
+        // A segmenter may cut a thing in two: the second piece joins only if it lies on the thing as known before.
+        let is_piece = fit.overlap >= 0.5 && fit.likeness >= SAME;
+        if object_of[at].is_none() && (!taken.contains(&id) || is_piece) {
+            object_of[at] = Some(id);
+            taken.push(id);
+        }
+    }
+    object_of
+}
+
+fn is_same_thing(fit: &Fit, config: &AssociationConfig) -> bool {
+    if fit.likeness >= SAME {
+        return fit.overlap >= config.overlap || fit.closeness > 0.0;
+    }
+    if fit.likeness >= LIKE {
+        return fit.overlap >= config.overlap.max(0.4) || fit.closeness >= 0.5;
+    }
+    // The label says nothing. Same points and about the same size: the same thing, called by another name. A book on a
+    // table lies near the table's points too, but is much smaller.
+    let on_it = fit.overlap >= config.blind_overlap && fit.size_ratio >= 0.5;
+    let in_its_place = fit.is_stale && fit.closeness >= 0.5 && fit.size_ratio >= 0.7;
+    on_it || in_its_place
+}
+
+fn fit(view: &View, object: &Object, memory: &ObjectMemory, config: &AssociationConfig) -> Fit {
+    let age_s = (view.stamp_ns - object.last_seen_ns).max(0) as f64 * 1e-9;
+    let half_side = |bounds: &Aabb| bounds.sides_m().x.max(bounds.sides_m().y) / 2.0;
+    let smaller = half_side(&view.bounds).min(half_side(&object.bounds));
+    let gate_m = config.center_gate_m + 0.5 * smaller + drift_m(age_s);
+    let distance_m = (view.bounds.center() - object.centroid).norm();
+    let (a, b) = (view.bounds.diagonal_m(), object.bounds.diagonal_m());
+    Fit {
+        overlap: memory.overlap(&view.sample, config.reach_m),
+        closeness: (1.0 - distance_m / gate_m).max(0.0),
+        likeness: likeness(&view.labels, object),
+        size_ratio: (a.min(b) + 0.02) / (a.max(b) + 0.02),
+        is_stale: age_s > 10.0,
+    }
+}
+
+/// Likeness of the view's labels and the object's votes: that of the two winners, or the mean over both distributions if
+/// that is higher.
+fn likeness(labels: &[(String, f64)], object: &Object) -> f64 {
+    let winners = label_similarity(&labels[0].0, &object.label);
+    if winners >= SAME {
+        return winners;
+    }
+    let total: f64 = object.votes.values().sum();
+    if total <= 0.0 {
+        return winners;
+    }
+    let mean: f64 = labels
+        .iter()
+        .flat_map(|(label, share)| {
+            object.votes.iter().map(move |(voted, votes)| share * votes / total * label_similarity(label, voted))
+        })
+        .sum();
+    winners.max(mean)
+}

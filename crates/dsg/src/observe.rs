@@ -1,0 +1,250 @@
+//! Objects over time: what one frame shows becomes votes, points and captions of objects that persist.
+//!
+//! [`observe_objects`] reads like the paper's section: prepare the views, associate them with known objects, fold them in
+//! (Eq. 4), and join objects that turn out to be one. One frame is one batch: one revision.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+
+use crate::associate::{View, associate};
+use crate::attributes::attributes_of;
+use crate::graph::SceneGraph;
+use crate::ids::ObjectId;
+use crate::memory::{ObjectMemory, drift_m};
+use crate::object::Object;
+use crate::op::{ConfigError, Op, OpError};
+use crate::vote::{add_votes, winner};
+
+/// One thing seen in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectEvidence {
+    /// When.
+    pub stamp_ns: i64,
+    /// Labels with their share of the points (any positive scale).
+    pub label_weights: Vec<(String, f64)>,
+    /// What the captioner says; may be empty.
+    pub caption: String,
+    /// The segmenter's score in `[0, 1]`: the weight of the frame in the vote.
+    pub score: f32,
+    /// Its points in the world frame.
+    pub points: Vec<Point3<f32>>,
+    /// Mean colour, if a camera saw it.
+    pub color: Option<[u8; 3]>,
+}
+
+/// How views become objects.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AssociationConfig {
+    /// Views with fewer finite points are skipped. Default 4.
+    pub min_points: usize,
+    /// Views below this score are skipped. Default 0.05.
+    pub min_score: f32,
+    /// Share of a view's points on an object of a like label that makes it a view of that object. Default 0.3.
+    pub overlap: f64,
+    /// The same where the labels have nothing in common: same place and size, whatever it is called. Default 0.6.
+    pub blind_overlap: f64,
+    /// Distance below which a point lies on an object's points. Default 0.06 m.
+    pub reach_m: f64,
+    /// Centre distance allowed for small things between two frames, besides half their half side and the drift of the
+    /// map frame. Default 0.06 m.
+    pub center_gate_m: f64,
+    /// Frames after which an object is believed. Default 3.
+    pub confirm_observations: u32,
+    /// Vote margin from which an object is believed. Default 0.2.
+    pub confirm_margin: f64,
+    /// Looks at the place of an unconfirmed object without seeing it again, after which it is forgotten. Default 8.
+    pub ghost_looks: u32,
+    /// Looks through the place of an object (nothing is there any more) after which it is forgotten. Default 6;
+    /// unconfirmed objects go after a third.
+    pub gone_looks: u32,
+}
+
+impl Default for AssociationConfig {
+    fn default() -> AssociationConfig {
+        AssociationConfig {
+            min_points: 4,
+            min_score: 0.05,
+            overlap: 0.3,
+            blind_overlap: 0.6,
+            reach_m: 0.06,
+            center_gate_m: 0.06,
+            confirm_observations: 3,
+            confirm_margin: 0.2,
+            ghost_looks: 8,
+            gone_looks: 6,
+        }
+    }
+}
+
+impl AssociationConfig {
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let error = |field, rule| Err(ConfigError { field, rule });
+        if self.min_points == 0 {
+            return error("min_points", "at least 1");
+        }
+        for (field, share) in [
+            ("overlap", self.overlap),
+            ("blind_overlap", self.blind_overlap),
+            ("confirm_margin", self.confirm_margin),
+        ] {
+            if !(0.0..=1.0).contains(&share) {
+                return error(field, "in [0, 1]");
+            }
+        }
+        for (field, length_m) in [("reach_m", self.reach_m), ("center_gate_m", self.center_gate_m)] {
+            if !(length_m > 0.0 && length_m.is_finite()) {
+                return error(field, "positive and finite");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a frame did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AssociationReport {
+    /// For each piece of evidence the object it was found to show; `None` where it was skipped.
+    pub object_of: Vec<Option<ObjectId>>,
+    /// Objects that are new.
+    pub created: Vec<ObjectId>,
+    /// Objects that turned out to be others: (gone, stayed).
+    pub merged: Vec<(ObjectId, ObjectId)>,
+    /// Evidence without enough finite points, score or labels.
+    pub skipped: usize,
+    /// The revision afterwards.
+    pub revision: u64,
+}
+
+/// Folds what one frame shows into the graph's objects.
+///
+/// Association goes by place first: a view whose points lie on an object's points, or that is as near and as large as the
+/// object, is that object even if the label differs (the vote decides the label); small things need a like label. Views of
+/// one frame are different objects unless both lie on the same known one.
+///
+/// # Errors
+/// A bad configuration; nothing else in practice, since views are checked and skipped at the door.
+pub fn observe_objects(
+    graph: &mut SceneGraph,
+    evidence: &[ObjectEvidence],
+    config: &AssociationConfig,
+) -> Result<AssociationReport, OpError> {
+    config.validate()?;
+    let views: Vec<View> =
+        evidence.iter().enumerate().filter_map(|(index, evidence)| View::new(index, evidence, config)).collect();
+    let mut report = AssociationReport {
+        object_of: vec![None; evidence.len()],
+        skipped: evidence.len() - views.len(),
+        ..AssociationReport::default()
+    };
+    recall(graph, &views);
+
+    // Which view shows which object.
+    let assigned = associate(graph, &views, config);
+
+    // Fold the views into the objects.
+    let mut touched: BTreeMap<ObjectId, Object> = BTreeMap::new();
+    let mut next_id = graph.next_object_id();
+    for (view, known) in views.iter().zip(&assigned) {
+        let id = known.unwrap_or(next_id);
+        if known.is_none() {
+            next_id.0 += 1;
+            report.created.push(id);
+        }
+        let is_first_view_of_frame = !touched.contains_key(&id);
+        let object =
+            touched.entry(id).or_insert_with(|| graph.object(id).cloned().unwrap_or_else(|| unborn(id, view)));
+        let memory = graph.memory.entry(id).or_default();
+        fold(object, memory, view, is_first_view_of_frame, config);
+        report.object_of[view.index] = Some(id);
+    }
+    for object in touched.values_mut() {
+        object.place = graph.place_nearest(&object.centroid).map(|place| place.id);
+        object.room = object.room.or_else(|| object.place.and_then(|place| graph.place(place)).and_then(|p| p.room));
+    }
+    let seen: Vec<ObjectId> = touched.keys().copied().collect();
+    graph.apply(Op::Batch(touched.into_values().map(|object| Op::PutObject(Box::new(object))).collect()))?;
+
+    // Objects that turn out to be one.
+    crate::duplicates::note_apart(graph, &seen);
+    report.merged = crate::duplicates::merge_duplicates(graph, &seen, config)?;
+    for id in report.object_of.iter_mut().flatten() {
+        while let Some((_, into)) = report.merged.iter().find(|(from, _)| from == id) {
+            *id = *into;
+        }
+    }
+    report.created.retain(|id| graph.object(*id).is_some());
+    report.revision = graph.revision();
+    Ok(report)
+}
+
+/// Gives a memory to every object near a view that has none, and drops memories of objects that are gone.
+fn recall(graph: &mut SceneGraph, views: &[View]) {
+    let SceneGraph { objects, memory, .. } = graph;
+    memory.retain(|id, _| objects.contains_key(id));
+    for object in objects.values() {
+        let is_near = || views.iter().any(|view| view.bounds.gap_m(&object.bounds) < 1.0);
+        if !memory.contains_key(&object.id) && is_near() {
+            memory.insert(object.id, ObjectMemory::from_box(object));
+        }
+    }
+}
+
+fn unborn(id: ObjectId, view: &View) -> Object {
+    Object {
+        votes: BTreeMap::new(),
+        observations: 0,
+        confirmed: false,
+        first_seen_ns: view.stamp_ns,
+        last_seen_ns: view.stamp_ns,
+        ..Object::new(id, "unknown", view.bounds)
+    }
+}
+
+/// One view becomes part of an object.
+fn fold(object: &mut Object, memory: &mut ObjectMemory, view: &View, is_first: bool, config: &AssociationConfig) {
+    follow_drift(object, memory, view);
+    memory.absorb(view.evidence_points, view.stamp_ns);
+    object.first_seen_ns = object.first_seen_ns.min(view.stamp_ns);
+    object.last_seen_ns = object.last_seen_ns.max(view.stamp_ns);
+    memory.forget_smear(object.last_seen_ns);
+    memory.looks = 0;
+    memory.looks_through = 0;
+    if let Some(bounds) = memory.bounds() {
+        object.bounds = bounds;
+        object.centroid = bounds.center();
+    }
+
+    // OmniVLN Eq. 4: one vote per frame, shared among the labels of its points, weighted by the score.
+    add_votes(&mut object.votes, &view.labels, f64::from(view.score));
+    (object.label, object.label_margin) = winner(&object.votes);
+    object.observations = object.observations.saturating_add(u32::from(is_first));
+    object.confirmed = if object.confirmed {
+        object.label_margin >= config.confirm_margin / 2.0
+    } else {
+        object.observations >= config.confirm_observations && object.label_margin >= config.confirm_margin
+    };
+
+    // A caption speaks for the label of its frame only: a wrong label comes with a wrong caption.
+    let sharpness = (view.evidence_points.len() as f32 / 50.0).min(1.0);
+    memory.remember_caption(view.top_label(), view.score * sharpness, view.caption);
+    if let Some(color) = view.color {
+        memory.remember_color(color);
+    }
+    object.caption = memory.caption(&object.label).unwrap_or_default().to_owned();
+    object.color = memory.color();
+    object.attributes = attributes_of(&object.caption, object.color);
+}
+
+/// An object that is seen again after a while, whole, and at a small distance from where it was: the map frame has drifted,
+/// and what we remember moves along.
+fn follow_drift(object: &Object, memory: &mut ObjectMemory, view: &View) {
+    let age_s = (view.stamp_ns - object.last_seen_ns) as f64 * 1e-9;
+    let by = view.bounds.center() - object.centroid;
+    let (seen, known) = (view.bounds.sides_m(), object.bounds.sides_m());
+    let is_whole = (0..3).all(|k| (seen[k] - known[k]).abs() <= 0.06_f64.max(0.25 * known[k]));
+    if age_s > 5.0 && is_whole && by.norm() > 0.03 && by.norm() <= 0.1 + drift_m(age_s) {
+        memory.shift(&by);
+    }
+}

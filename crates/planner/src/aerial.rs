@@ -1,0 +1,251 @@
+//! The aerial planner: A* -> shortcut -> convex corridor -> MINCO -> certificate.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::air::FlightState;
+use crate::air::certificate::Certificate;
+use crate::air::config::{AirConfig, AirConfigError};
+use crate::air::corridor::polytope_around;
+use crate::air::obstacles::Surroundings;
+use crate::air::polytope::Polytope;
+use crate::air::refine::refine;
+use crate::air::search::{SearchGrid, SearchOutcome};
+use crate::air::trajectory::PolynomialTrajectory;
+
+/// A flight that was proved to stay in its corridor within its limits.
+#[derive(Debug, Clone)]
+pub struct AirPlan {
+    /// From the start state to rest at the goal.
+    pub trajectory: PolynomialTrajectory,
+    /// One polytope per leg of the route; consecutive ones overlap.
+    pub corridor: Vec<Polytope>,
+    /// Per piece of the trajectory: its polytope.
+    pub polytope_of: Vec<usize>,
+    /// What was proved; it always holds.
+    pub certificate: Certificate,
+    /// The shortcut route, start first.
+    pub route: Vec<Point3<f64>>,
+    /// How far the end is from the goal that was asked for (0 unless that was not free).
+    pub goal_pull_m: f64,
+    /// Lattice points the search expanded.
+    pub expansions: usize,
+}
+
+/// Why there is no plan.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum AirPlanError {
+    /// The configuration does not hold.
+    #[error(transparent)]
+    Config(#[from] AirConfigError),
+    /// Start or goal is not finite.
+    #[error("start and goal must be finite")]
+    NotFinite,
+    /// Start and goal are too far apart for the search box.
+    #[error("start and goal are too far apart")]
+    TooFar,
+    /// The start is faster or accelerates more than the limits allow.
+    #[error("the start moves at {speed_mps} m/s, {accel_mps2} m/s^2: beyond the limits")]
+    StartTooFast {
+        /// Its speed.
+        speed_mps: f64,
+        /// Its acceleration.
+        accel_mps2: f64,
+    },
+    /// No free point near the start that can be reached from it.
+    #[error("the start is in an obstacle or in unknown space, and so is everything round it")]
+    StartBlocked,
+    /// No free point near the goal.
+    #[error("the goal is in an obstacle or in unknown space, and so is everything round it")]
+    GoalBlocked,
+    /// Everything reachable was searched.
+    #[error("no route for this vehicle")]
+    NoRoute,
+    /// The bound on the search was met.
+    #[error("the search stopped after {expansions} expansions")]
+    SearchLimit {
+        /// How many.
+        expansions: usize,
+    },
+    /// The start moves so that no certified flight was found: stop first.
+    #[error("no certified trajectory from this moving start: stop first")]
+    NotCertified,
+}
+
+/// Routes that an exact check refuses are searched again at most this often.
+const RETRIES: usize = 5;
+/// A start that is not free may move this far to a free lattice point.
+const START_PULL_M: f64 = 0.6;
+
+/// Plans a flight to rest at `goal`.
+///
+/// `distance` is the distance from a point to the nearest obstacle *point* (cell centre), `None` where unknown, which counts as
+/// blocked. `obstacles_in_box` lists the obstacle points in a box (low corner, high corner). Both must tell of the same map.
+/// Deterministic; the work is bounded by counts.
+///
+/// # Errors
+/// [`AirPlanError`]. A trajectory that is not certified is never returned.
+pub fn plan_air(
+    start: &FlightState,
+    goal: &Point3<f64>,
+    distance: &dyn Fn(&Point3<f64>) -> Option<f64>,
+    obstacles_in_box: &dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+    config: &AirConfig,
+) -> Result<AirPlan, AirPlanError> {
+    check(start, goal, config)?;
+    let mut grid = SearchGrid::new(&start.p, goal, distance, config);
+    if !grid.is_usable() {
+        return Err(AirPlanError::TooFar);
+    }
+    let mut expansions = 0;
+    for _ in 0..=RETRIES {
+        // 1. A* between free lattice points near start and goal.
+        let (lattice_route, end) = search(start, goal, &grid, config, &mut expansions)?;
+        // 2. The exact points, and the route with its bends cut where that is not dearer.
+        let (low, high) = bounds_of(&lattice_route, &grid, config);
+        let beyond = Vector3::repeat(config.clearance_m() + config.obstacle_radius_m);
+        let points = obstacles_in_box(&(low - beyond), &(high + beyond));
+        let surroundings = Surroundings::new(&points, &start.p, &low, &high, &grid, config);
+        let route = match shortcut(&lattice_route, &surroundings, &grid, goal_height(goal, config), config) {
+            Ok(route) => route,
+            Err(nodes) => {
+                drop(surroundings);
+                grid.forbid(nodes);
+                continue;
+            }
+        };
+        // 3. One polytope per leg.
+        let corridor: Vec<Polytope> = route
+            .windows(2)
+            .map(|leg| polytope_around(&leg[0], &leg[1], config.corridor_reach_m, &low, &high, &surroundings))
+            .collect();
+        let kept_m = kept_clearance(start, &points, config);
+        // 4. and 5. MINCO, checked and slowed until the certificate holds.
+        let head = [start.p.coords, start.v, start.a];
+        let refined = refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
+        return Ok(AirPlan {
+            trajectory: refined.trajectory,
+            corridor,
+            polytope_of: refined.polytope_of,
+            certificate: refined.certificate,
+            route: route.into_iter().map(Point3::from).collect(),
+            goal_pull_m: (end - goal).norm(),
+            expansions,
+        });
+    }
+    Err(AirPlanError::NoRoute)
+}
+
+fn check(start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<(), AirPlanError> {
+    config.validate()?;
+    let numbers = start.p.iter().chain(start.v.iter()).chain(start.a.iter()).chain(goal.iter());
+    // 1e6 m: beyond that a lattice index would not be exact.
+    if numbers.into_iter().any(|x| !(x.is_finite() && x.abs() < 1e6)) {
+        return Err(AirPlanError::NotFinite);
+    }
+    let (speed_mps, accel_mps2) = (start.v.norm(), start.a.norm());
+    if speed_mps > config.max_speed_mps || accel_mps2 > config.max_accel_mps2 {
+        return Err(AirPlanError::StartTooFast { speed_mps, accel_mps2 });
+    }
+    Ok(())
+}
+
+fn goal_height(goal: &Point3<f64>, config: &AirConfig) -> f64 {
+    config.preferred_height_m.unwrap_or(goal.z)
+}
+
+/// A lattice route with the exact start in front and, if it is free, the exact goal at the end.
+fn search(
+    start: &FlightState,
+    goal: &Point3<f64>,
+    grid: &SearchGrid,
+    config: &AirConfig,
+    expansions: &mut usize,
+) -> Result<(Vec<Vector3<f64>>, Point3<f64>), AirPlanError> {
+    let from = grid.nearest_free(&start.p, START_PULL_M).ok_or(AirPlanError::StartBlocked)?;
+    let own = grid.node(goal).filter(|&node| grid.is_free(node));
+    let to = match own {
+        Some(node) => node,
+        None => grid.nearest_free(goal, config.goal_pull_m).ok_or(AirPlanError::GoalBlocked)?,
+    };
+    match grid.search(from, to, goal_height(goal, config), config, expansions) {
+        SearchOutcome::NoRoute => Err(AirPlanError::NoRoute),
+        SearchOutcome::ExpansionLimit => Err(AirPlanError::SearchLimit { expansions: *expansions }),
+        SearchOutcome::Found(points) => {
+            let end = if own.is_some() { *goal } else { grid.position(to) };
+            let mut route = vec![start.p.coords];
+            route.extend(points.iter().map(|p| p.coords));
+            if own.is_some() {
+                route.push(end.coords);
+            }
+            Ok((route, end))
+        }
+    }
+}
+
+/// The box of the route grown by what its corridor can reach, inside what was searched.
+fn bounds_of(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> (Point3<f64>, Point3<f64>) {
+    let reach = Vector3::repeat(config.corridor_reach_m);
+    let low = route.iter().fold(route[0], |m, p| m.inf(p)) - reach;
+    let high = route.iter().fold(route[0], |m, p| m.sup(p)) + reach;
+    let (grid_low, grid_high) = grid.bounds();
+    (Point3::from(low.sup(&grid_low.coords)), Point3::from(high.inf(&grid_high.coords)))
+}
+
+/// Cuts bends: from each kept point to the furthest later one that is clear and not dearer than the way round.
+/// `Err`: lattice points of legs that the exact check refuses.
+fn shortcut(route: &[Vector3<f64>], surroundings: &Surroundings, grid: &SearchGrid, preferred_z: f64, config: &AirConfig) -> Result<Vec<Vector3<f64>>, Vec<usize>> {
+    let price = |p: &Vector3<f64>| grid.node(&Point3::from(*p)).map_or(1.0, |node| grid.price(node, preferred_z, config));
+    let cost = |a: &Vector3<f64>, b: &Vector3<f64>| {
+        let length = (b - a).norm();
+        let steps = (length / (2.0 * config.search_resolution_m)).ceil().max(1.0) as usize;
+        (0..steps).map(|k| price(&(a + (b - a) * ((k as f64 + 0.5) / steps as f64)))).sum::<f64>() * length / steps as f64
+    };
+    let mut along = vec![0.0];
+    for leg in route.windows(2) {
+        along.push(along[along.len() - 1] + cost(&leg[0], &leg[1]));
+    }
+    let mut kept = vec![route[0]];
+    let mut at = 0;
+    while at + 1 < route.len() {
+        let good = |to: usize| {
+            let way_round = along[to] - along[at];
+            cost(&route[at], &route[to]) <= 1.02 * way_round + 1e-9 && surroundings.is_clear(&route[at], &route[to])
+        };
+        // The furthest of a ladder of lengths, then refined by bisection.
+        let mut next = at;
+        let mut stride = 1;
+        while at + stride < route.len() && good(at + stride) {
+            next = at + stride;
+            stride *= 2;
+        }
+        if next == at {
+            // Not even the single step is clear (or it costs more than itself, which cannot be).
+            if !surroundings.is_clear(&route[at], &route[at + 1]) {
+                return Err([at, at + 1].iter().filter_map(|&k| grid.node(&Point3::from(route[k]))).skip(usize::from(at == 0)).collect());
+            }
+            next = at + 1;
+        }
+        let mut beyond = (at + stride).min(route.len());
+        while beyond - next > 1 {
+            let middle = next + (beyond - next) / 2;
+            if good(middle) {
+                next = middle;
+            } else {
+                beyond = middle;
+            }
+        }
+        if (route[next] - route[at]).norm() > 1e-9 {
+            kept.push(route[next]);
+        }
+        at = next;
+    }
+    if kept.len() == 1 {
+        kept.push(route[route.len() - 1]);
+    }
+    Ok(kept)
+}
+
+/// What the corridor keeps from obstacle surfaces: less than asked for only where the start itself is nearer.
+fn kept_clearance(start: &FlightState, points: &[Point3<f64>], config: &AirConfig) -> f64 {
+    points.iter().map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6).fold(config.clearance_m(), f64::min)
+}

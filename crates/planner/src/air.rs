@@ -1,0 +1,33 @@
+//! Parts of the aerial planner; [`crate::aerial`] puts them together.
+
+pub mod certificate;
+pub mod config;
+pub mod minco;
+pub mod polytope;
+pub mod search;
+pub mod stop;
+pub mod trajectory;
+
+pub(crate) mod corridor;
+pub(crate) mod obstacles;
+pub(crate) mod refine;
+
+use nalgebra::{Point3, Vector3};
+
+/// Where a flight starts: the paper's p, v, a in the world frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightState {
+    /// Position (m).
+    pub p: Point3<f64>,
+    /// Velocity (m/s).
+    pub v: Vector3<f64>,
+    /// Acceleration (m/s^2).
+    pub a: Vector3<f64>,
+}
+
+impl FlightState {
+    /// At rest at a point.
+    pub fn resting_at(p: Point3<f64>) -> Self {
+        FlightState { p, v: Vector3::zeros(), a: Vector3::zeros() }
+    }
+}

@@ -1,0 +1,101 @@
+//! Safe flight corridor: one convex polytope round each leg of the route.
+//!
+//! Every obstacle that some face does not yet part from the leg gets the plane through its nearest point of the leg,
+//! nearest obstacle first. The plane is moved toward the leg by the distance the obstacle must keep, and further where
+//! there is room (the comfort), but never past the leg. So: no point of a polytope is nearer to an obstacle point than
+//! demanded, the whole leg is inside, and consecutive polytopes share at least the route point between them.
+
+use nalgebra::{Point3, Vector3};
+
+use super::obstacles::{Surroundings, nearest_on_segment};
+use super::polytope::{HalfSpace, Polytope};
+
+/// How much of the space to spare beside a leg is left to the trajectory before comfort takes any.
+const ROOM_M: f64 = 0.30;
+
+/// The polytope round one leg, inside the box `[low, high]`. The leg must be clear.
+pub(crate) fn polytope_around(
+    a: &Vector3<f64>,
+    b: &Vector3<f64>,
+    reach_m: f64,
+    low: &Point3<f64>,
+    high: &Point3<f64>,
+    surroundings: &Surroundings,
+) -> Polytope {
+    let reach = Vector3::repeat(reach_m);
+    let box_low = Point3::from((a.inf(b) - reach).sup(&low.coords).inf(&a.inf(b)));
+    let box_high = Point3::from((a.sup(b) + reach).inf(&high.coords).sup(&a.sup(b)));
+    let mut polytope = Polytope::from_box(&box_low, &box_high);
+    // Obstacles outside the box by less than what they demand bind as well.
+    let mut open: Vec<Binding> = surroundings
+        .near(a, b, reach_m + surroundings.furthest_m())
+        .into_iter()
+        .map(|o| {
+            let nearest = nearest_on_segment(a, b, &o.at);
+            let distance = (o.at - nearest).norm();
+            Binding { at: o.at, nearest, distance, needed_m: o.needed_m, liked_m: o.liked_m }
+        })
+        .collect();
+    for face in polytope.faces.clone() {
+        open.retain(|o| !o.is_parted_by(&face));
+    }
+    // Ties by coordinates: the order of the points as given does not matter.
+    open.sort_by(|p, q| {
+        let (p_spare, q_spare) = (p.distance - p.needed_m, q.distance - q.needed_m);
+        p_spare.total_cmp(&q_spare).then_with(|| (0..3).fold(std::cmp::Ordering::Equal, |o, k| o.then(p.at[k].total_cmp(&q.at[k]))))
+    });
+    while let Some(o) = open.first().copied() {
+        let normal = (o.at - o.nearest) / o.distance.max(1e-9);
+        let keep = (o.distance - ROOM_M).clamp(o.needed_m, o.liked_m.max(o.needed_m));
+        let face = HalfSpace { normal, offset_m: normal.dot(&o.at) - keep };
+        polytope.faces.push(face);
+        open.remove(0);
+        open.retain(|other| !other.is_parted_by(&face));
+    }
+    polytope
+}
+
+#[derive(Clone, Copy)]
+struct Binding {
+    at: Vector3<f64>,
+    nearest: Vector3<f64>,
+    distance: f64,
+    needed_m: f64,
+    liked_m: f64,
+}
+
+impl Binding {
+    /// Whether every point of the half-space keeps the demanded distance from this obstacle.
+    fn is_parted_by(&self, face: &HalfSpace) -> bool {
+        face.normal.dot(&self.at) - face.offset_m >= self.needed_m
+    }
+}
+
+/// A point deep inside two overlapping polytopes, not far from one they share.
+pub(crate) fn deep_point(a: &Polytope, b: &Polytope, shared: &Vector3<f64>) -> Vector3<f64> {
+    let slack = |p: &Vector3<f64>| a.slack(p).min(b.slack(p));
+    let mut best = (slack(shared), *shared);
+    let mut step = 0.10;
+    // Pattern search along the axes and the normals of binding faces: small, deterministic, good enough for a start.
+    for _ in 0..10 {
+        let mut improved = false;
+        for axis in 0..3 {
+            for sign in [1.0, -1.0] {
+                let mut p = best.1;
+                p[axis] += sign * step;
+                let s = slack(&p);
+                if s > best.0 + 1e-6 && (p - shared).norm() <= 0.4 {
+                    best = (s, p);
+                    improved = true;
+                }
+            }
+        }
+        if !improved {
+            step *= 0.5;
+        }
+        if best.0 > 0.35 {
+            break;
+        }
+    }
+    best.1
+}

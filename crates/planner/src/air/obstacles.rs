@@ -1,0 +1,180 @@
+//! The obstacles near a route: points in buckets, and the distance each of them must keep.
+
+use nalgebra::{Point3, Vector3};
+
+use super::config::AirConfig;
+use super::search::SearchGrid;
+
+const BUCKET_M: f64 = 0.5;
+
+/// A point that the body's centre must keep away from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Obstacle {
+    pub at: Vector3<f64>,
+    /// Distance from the point that is demanded.
+    pub needed_m: f64,
+    /// Distance that is liked.
+    pub liked_m: f64,
+}
+
+/// Obstacle points of a box, with the point where the flight starts (which may be nearer to some than is demanded
+/// elsewhere: those must not come nearer still).
+pub(crate) struct Surroundings<'a> {
+    grid: &'a SearchGrid<'a>,
+    start: Vector3<f64>,
+    low: Vector3<f64>,
+    size: [usize; 3],
+    first: Vec<u32>,
+    points: Vec<Vector3<f64>>,
+    needed_m: f64,
+    comfort_m: f64,
+    resolution_m: f64,
+}
+
+impl<'a> Surroundings<'a> {
+    pub fn new(points: &[Point3<f64>], start: &Point3<f64>, low: &Point3<f64>, high: &Point3<f64>, grid: &'a SearchGrid<'a>, config: &AirConfig) -> Self {
+        let mut size = [0usize; 3];
+        for axis in 0..3 {
+            size[axis] = ((high[axis] - low[axis]) / BUCKET_M).ceil().max(1.0) as usize;
+        }
+        let bucket = |p: &Point3<f64>| {
+            let mut index = [0usize; 3];
+            for axis in 0..3 {
+                let k = (p[axis] - low[axis]) / BUCKET_M;
+                if !k.is_finite() {
+                    return None;
+                }
+                // Points beyond the box still count: they go to its border.
+                index[axis] = k.clamp(0.0, size[axis] as f64 - 1.0) as usize;
+            }
+            Some((index[2] * size[1] + index[1]) * size[0] + index[0])
+        };
+        let sorted: Vec<(usize, Vector3<f64>)> = points.iter().filter_map(|p| bucket(p).map(|b| (b, p.coords))).collect();
+        let mut first = vec![0u32; size[0] * size[1] * size[2] + 1];
+        for (b, _) in &sorted {
+            first[b + 1] += 1;
+        }
+        for k in 1..first.len() {
+            first[k] += first[k - 1];
+        }
+        let mut next = first.clone();
+        let mut stored = vec![Vector3::zeros(); sorted.len()];
+        for (b, p) in sorted {
+            stored[next[b] as usize] = p;
+            next[b] += 1;
+        }
+        Surroundings {
+            grid,
+            start: start.coords,
+            low: low.coords,
+            size,
+            first,
+            points: stored,
+            needed_m: config.clearance_m() + config.obstacle_radius_m,
+            comfort_m: config.comfort_m,
+            resolution_m: config.search_resolution_m,
+        }
+    }
+
+    /// The largest distance that any obstacle demands.
+    pub fn furthest_m(&self) -> f64 {
+        self.needed_m
+    }
+
+    /// Everything within `reach_m` of the box of a segment that may bind: obstacle points and unknown lattice points.
+    pub fn near(&self, a: &Vector3<f64>, b: &Vector3<f64>, reach_m: f64) -> Vec<Obstacle> {
+        let mut found = Vec::new();
+        let reach = Vector3::repeat(reach_m);
+        let (low, high) = (a.inf(b) - reach, a.sup(b) + reach);
+        self.for_points(&low, &high, |p| {
+            if (0..3).all(|axis| p[axis] >= low[axis] && p[axis] <= high[axis]) {
+                let needed_m = self.needed_m.min((p - self.start).norm() - 1e-6);
+                found.push(Obstacle { at: *p, needed_m, liked_m: self.needed_m + self.comfort_m });
+            }
+        });
+        // The centre may not enter unknown cells; how much of the body may is the map's business (it calls a point free).
+        let needed_m = 0.45 * self.resolution_m;
+        self.for_unknown(&low, &high, |at| {
+            let needed_m = needed_m.min((at - self.start).norm() - 1e-6);
+            found.push(Obstacle { at, needed_m, liked_m: needed_m + self.resolution_m });
+            true
+        });
+        found
+    }
+
+    /// Whether a straight flight keeps every demanded distance. Exact on the points.
+    pub fn is_clear(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
+        let reach = Vector3::repeat(self.needed_m);
+        let (low, high) = (a.inf(b) - reach, a.sup(b) + reach);
+        let mut clear = true;
+        self.for_points(&low, &high, |p| {
+            let d = (p - nearest_on_segment(a, b, p)).norm();
+            clear &= d >= self.needed_m || d >= self.needed_m.min((p - self.start).norm() - 1e-6);
+        });
+        if !clear {
+            return false;
+        }
+        let steps = ((b - a).norm() / (0.25 * self.resolution_m)).ceil().max(1.0) as usize;
+        let mut last = usize::MAX;
+        for k in 0..=steps {
+            let p = Point3::from(a + (b - a) * (k as f64 / steps as f64));
+            let Some(node) = self.grid.node(&p) else { return false };
+            if node != last {
+                let is_start = self.grid.node(&Point3::from(self.start)) == Some(node);
+                if self.grid.clearance(node).is_none() && !is_start {
+                    return false;
+                }
+                last = node;
+            }
+        }
+        // The corridor needs a plane between the segment and every unknown cell.
+        let reach = Vector3::repeat(self.resolution_m);
+        let needed_m = 0.45 * self.resolution_m;
+        self.for_unknown(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
+            (at - nearest_on_segment(a, b, &at)).norm() >= needed_m.min((at - self.start).norm() - 1e-6)
+        })
+    }
+
+    fn for_points(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(&Vector3<f64>)) {
+        let range = |axis: usize| {
+            let last = self.size[axis] as f64 - 1.0;
+            let a = ((low[axis] - self.low[axis]) / BUCKET_M).floor().clamp(0.0, last);
+            let b = ((high[axis] - self.low[axis]) / BUCKET_M).floor().clamp(0.0, last);
+            a as usize..=b as usize
+        };
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    let bucket = (z * self.size[1] + y) * self.size[0] + x;
+                    self.points[self.first[bucket] as usize..self.first[bucket + 1] as usize].iter().for_each(&mut visit);
+                }
+            }
+        }
+    }
+
+    /// Visits unknown lattice points of a box until `visit` returns false; whether it never did.
+    fn for_unknown(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(Vector3<f64>) -> bool) -> bool {
+        let r = self.resolution_m;
+        let cells = |axis: usize| (low[axis] / r).floor() as i64..=(high[axis] / r).floor() as i64;
+        for z in cells(2) {
+            for y in cells(1) {
+                for x in cells(0) {
+                    let p = Point3::new((x as f64 + 0.5) * r, (y as f64 + 0.5) * r, (z as f64 + 0.5) * r);
+                    let unknown = self.grid.node(&p).is_some_and(|node| self.grid.clearance(node).is_none());
+                    if unknown && !visit(p.coords) {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
+    }
+}
+
+/// The point of segment `a`-`b` nearest to `p`.
+pub(crate) fn nearest_on_segment(a: &Vector3<f64>, b: &Vector3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
+    let u = b - a;
+    let squared = u.norm_squared();
+    let t = if squared > 0.0 { ((p - a).dot(&u) / squared).clamp(0.0, 1.0) } else { 0.0 };
+    a + u * t
+}

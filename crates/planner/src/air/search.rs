@@ -1,0 +1,282 @@
+//! A route for the body's centre: A* on a 10 cm lattice with 26 neighbours over the distance to obstacles.
+//!
+//! A lattice point is free if the distance field knows it and the whole edge to any free neighbour keeps the clearance:
+//! `distance - obstacle radius >= sqrt(clearance^2 + L^2 / 4)` with L the longest edge. Unknown is blocked. Edges cost
+//! more near obstacles and away from the preferred height. The work is bounded by a count of expansions; ties are broken
+//! by the number of the lattice point, so the same world gives the same route.
+
+use std::cell::RefCell;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::config::AirConfig;
+
+/// Most lattice points the search box may have; memory is touched only where the search goes.
+const MAX_NODES: usize = 6_000_000;
+/// The search box reaches this far beyond start and goal, horizontally and vertically, if that is not too many points.
+const REACH_M: [f64; 3] = [9.0, 9.0, 3.0];
+/// Clearances are stored in steps of this many metres.
+const STEP_M: f64 = 0.001;
+const UNSET: u16 = 0;
+const UNKNOWN: u16 = 1;
+/// Stored clearance = (code - OFFSET) steps, for known points.
+const OFFSET: u16 = 1000;
+
+/// The outcome of a search.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SearchOutcome {
+    /// Lattice points from the start's to the goal's.
+    Found(Vec<Point3<f64>>),
+    /// Everything reachable was looked at.
+    NoRoute,
+    /// The bound on expansions was met first.
+    ExpansionLimit,
+}
+
+/// The lattice of a search, with the distances asked for so far.
+pub struct SearchGrid<'a> {
+    distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
+    resolution_m: f64,
+    /// Index of the lowest lattice point: its coordinates are `(index + 0.5) * resolution`.
+    low: [i64; 3],
+    size: [usize; 3],
+    clearance: RefCell<Vec<u16>>,
+    obstacle_radius_m: f64,
+    needed_m: f64,
+    /// Points that an exact check found blocked although the distance field allowed them.
+    forbidden: Vec<usize>,
+}
+
+impl<'a> SearchGrid<'a> {
+    /// A lattice round start and goal, which are finite.
+    pub fn new(start: &Point3<f64>, goal: &Point3<f64>, distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>, config: &AirConfig) -> Self {
+        let r = config.search_resolution_m;
+        let mut share = 1.0;
+        loop {
+            let mut low = [0i64; 3];
+            let mut size = [0usize; 3];
+            for axis in 0..3 {
+                let a = start[axis].min(goal[axis]) - share * REACH_M[axis];
+                let b = start[axis].max(goal[axis]) + share * REACH_M[axis];
+                low[axis] = (a / r).floor() as i64;
+                size[axis] = ((b / r).floor() as i64 - low[axis]) as usize + 1;
+            }
+            let nodes = size.iter().fold(1usize, |n, s| n.saturating_mul(*s));
+            if nodes <= MAX_NODES || share < 0.01 {
+                let longest = 3.0 * r * r;
+                let kept = config.clearance_m();
+                let total = kept + config.obstacle_radius_m;
+                return SearchGrid {
+                    distance,
+                    resolution_m: r,
+                    low,
+                    size,
+                    clearance: RefCell::new(vec![UNSET; nodes.min(MAX_NODES)]),
+                    obstacle_radius_m: config.obstacle_radius_m,
+                    needed_m: (total * total + 0.25 * longest).sqrt() - config.obstacle_radius_m,
+                    forbidden: Vec::new(),
+                };
+            }
+            share *= 0.8;
+        }
+    }
+
+    /// Number of lattice points; 0 if start and goal are too far apart for any box.
+    pub fn is_usable(&self) -> bool {
+        self.size.iter().fold(1usize, |n, s| n.saturating_mul(*s)) <= MAX_NODES
+    }
+
+    /// Corners of the box that is searched.
+    pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
+        let corner = |shift: fn(usize) -> i64| {
+            Point3::from(Vector3::from_fn(|axis, _| (self.low[axis] + shift(self.size[axis])) as f64 * self.resolution_m))
+        };
+        (corner(|_| 0), corner(|n| n as i64))
+    }
+
+    /// Lattice point that contains a position.
+    pub fn node(&self, p: &Point3<f64>) -> Option<usize> {
+        let mut index = [0usize; 3];
+        for axis in 0..3 {
+            let k = (p[axis] / self.resolution_m).floor() - self.low[axis] as f64;
+            if !(k >= 0.0 && k < self.size[axis] as f64) {
+                return None;
+            }
+            index[axis] = k as usize;
+        }
+        Some((index[2] * self.size[1] + index[1]) * self.size[0] + index[0])
+    }
+
+    /// Position of a lattice point.
+    pub fn position(&self, node: usize) -> Point3<f64> {
+        let index = [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])];
+        Point3::from(Vector3::from_fn(|axis, _| ((self.low[axis] + index[axis] as i64) as f64 + 0.5) * self.resolution_m))
+    }
+
+    /// Distance from the lattice point to the nearest obstacle's surface; `None` where unknown.
+    pub fn clearance(&self, node: usize) -> Option<f64> {
+        let mut known = self.clearance.borrow_mut();
+        if known[node] == UNSET {
+            known[node] = match (self.distance)(&self.position(node)) {
+                Some(d) if d.is_finite() => {
+                    let steps = ((d - self.obstacle_radius_m) / STEP_M).clamp(-990.0, 60_000.0);
+                    (steps + f64::from(OFFSET)) as u16
+                }
+                _ => UNKNOWN,
+            };
+        }
+        (known[node] != UNKNOWN).then(|| (f64::from(known[node]) - f64::from(OFFSET)) * STEP_M)
+    }
+
+    /// Whether the centre of the body may be at the lattice point.
+    pub fn is_free(&self, node: usize) -> bool {
+        self.clearance(node).is_some_and(|c| c >= self.needed_m) && self.forbidden.binary_search(&node).is_err()
+    }
+
+    /// Takes lattice points out of the search.
+    pub fn forbid(&mut self, nodes: impl IntoIterator<Item = usize>) {
+        self.forbidden.extend(nodes);
+        self.forbidden.sort_unstable();
+        self.forbidden.dedup();
+    }
+
+    /// The free lattice point nearest to a position, within `reach_m`.
+    pub fn nearest_free(&self, p: &Point3<f64>, reach_m: f64) -> Option<usize> {
+        let cells = (reach_m / self.resolution_m).ceil() as i64;
+        let mut candidates = Vec::new();
+        for dz in -cells..=cells {
+            for dy in -cells..=cells {
+                for dx in -cells..=cells {
+                    let q = p + Vector3::new(dx as f64, dy as f64, dz as f64) * self.resolution_m;
+                    if let Some(node) = self.node(&q) {
+                        let squared = (self.position(node) - p).norm_squared();
+                        if squared <= reach_m * reach_m {
+                            candidates.push((squared, node));
+                        }
+                    }
+                }
+            }
+        }
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        candidates.into_iter().map(|(_, node)| node).find(|&node| self.is_free(node))
+    }
+
+    /// How much dearer a metre is here: near obstacles and off the preferred height.
+    pub fn price(&self, node: usize, preferred_z: f64, config: &AirConfig) -> f64 {
+        let spare = self.clearance(node).unwrap_or(0.0) - config.clearance_m();
+        let near = (1.0 - spare / config.comfort_m).clamp(0.0, 1.0);
+        let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5) * self.resolution_m;
+        1.0 + config.nearness_weight * near * near + config.height_weight * (z - preferred_z).abs()
+    }
+
+    /// A* between two free lattice points. `expansions` returns the work done.
+    pub fn search(&self, from: usize, to: usize, preferred_z: f64, config: &AirConfig, expansions: &mut usize) -> SearchOutcome {
+        let nodes = self.clearance.borrow().len();
+        // Cost + 1, so that zeroed memory (not touched until used) means "not seen".
+        let mut cost = vec![0.0f32; nodes];
+        let mut came: Vec<u8> = vec![0; nodes];
+        let steps = self.steps();
+        let goal = self.position(to);
+        let bound = |node: usize| (self.position(node) - goal).norm() as f32;
+        let mut heap = BinaryHeap::new();
+        cost[from] = 1.0;
+        heap.push(Entry { estimate: bound(from), cost: 0.0, node: from as u32 });
+        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
+            let node = node as usize;
+            if reached + 1.0 > cost[node] {
+                continue;
+            }
+            if node == to {
+                return SearchOutcome::Found(self.trace(from, to, &came, &steps));
+            }
+            *expansions += 1;
+            if *expansions > config.max_expansions {
+                return SearchOutcome::ExpansionLimit;
+            }
+            let here = self.price(node, preferred_z, config);
+            let index = [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])];
+            for (k, step) in steps.iter().enumerate() {
+                let inside = (0..3).all(|axis| {
+                    let i = index[axis] as i64 + step.shift[axis];
+                    i >= 0 && i < self.size[axis] as i64
+                });
+                if !inside {
+                    continue;
+                }
+                let other = (node as i64 + step.offset) as usize;
+                // The cheapest this edge can be: a quick way out before the distance field is asked.
+                if cost[other] != 0.0 && reached + step.length + 1.0 >= cost[other] {
+                    continue;
+                }
+                if !self.is_free(other) {
+                    continue;
+                }
+                let price = 0.5 * (here + self.price(other, preferred_z, config));
+                let next = reached + step.length * price as f32;
+                if cost[other] == 0.0 || next + 1.0 < cost[other] {
+                    cost[other] = next + 1.0;
+                    came[other] = k as u8;
+                    heap.push(Entry { estimate: next + bound(other), cost: next, node: other as u32 });
+                }
+            }
+        }
+        SearchOutcome::NoRoute
+    }
+
+    fn trace(&self, from: usize, to: usize, came: &[u8], steps: &[Step]) -> Vec<Point3<f64>> {
+        let mut points = vec![self.position(to)];
+        let mut node = to;
+        while node != from {
+            node = (node as i64 - steps[came[node] as usize].offset) as usize;
+            points.push(self.position(node));
+        }
+        points.reverse();
+        points
+    }
+
+    fn steps(&self) -> Vec<Step> {
+        let mut steps = Vec::with_capacity(26);
+        for dz in -1i64..=1 {
+            for dy in -1i64..=1 {
+                for dx in -1i64..=1 {
+                    if (dx, dy, dz) != (0, 0, 0) {
+                        let offset = (dz * self.size[1] as i64 + dy) * self.size[0] as i64 + dx;
+                        let length = ((dx * dx + dy * dy + dz * dz) as f64).sqrt() * self.resolution_m;
+                        steps.push(Step { shift: [dx, dy, dz], offset, length: length as f32 });
+                    }
+                }
+            }
+        }
+        steps
+    }
+}
+
+struct Step {
+    shift: [i64; 3],
+    offset: i64,
+    length: f32,
+}
+
+#[derive(PartialEq)]
+struct Entry {
+    estimate: f32,
+    cost: f32,
+    node: u32,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    /// Cheapest estimate first, then the further one, then the lower number.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.estimate.total_cmp(&self.estimate).then(self.cost.total_cmp(&other.cost)).then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}

@@ -1,0 +1,142 @@
+//! Piecewise polynomial trajectories, and the Bernstein form that bounds a piece by its control points.
+
+use nalgebra::{Point3, Vector3};
+
+use super::minco::{Minco, derivative};
+
+/// One polynomial piece in local time, ascending powers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Piece {
+    /// Duration.
+    pub duration_s: f64,
+    /// Coefficients of the position in the world, constant term first.
+    pub coefficients: Vec<Vector3<f64>>,
+}
+
+/// A trajectory in the world frame; it starts at time 0.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PolynomialTrajectory {
+    /// The pieces in order.
+    pub pieces: Vec<Piece>,
+}
+
+/// Position and its first three derivatives (the paper's p, v, a, j), all in the world frame, SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrajectoryPoint {
+    /// Position (m).
+    pub p: Point3<f64>,
+    /// Velocity (m/s).
+    pub v: Vector3<f64>,
+    /// Acceleration (m/s^2).
+    pub a: Vector3<f64>,
+    /// Jerk (m/s^3).
+    pub jerk: Vector3<f64>,
+}
+
+impl PolynomialTrajectory {
+    /// The pieces of a solved spline.
+    pub fn from_minco<const ORDER: usize>(spline: &Minco<ORDER>) -> Self {
+        let pieces = spline
+            .durations_s()
+            .iter()
+            .zip(spline.coefficients().chunks_exact(2 * ORDER))
+            .map(|(&duration_s, c)| Piece { duration_s, coefficients: c.to_vec() })
+            .collect();
+        PolynomialTrajectory { pieces }
+    }
+
+    /// Sum of the durations.
+    pub fn duration(&self) -> f64 {
+        self.pieces.iter().map(|p| p.duration_s).sum()
+    }
+
+    /// State at a time, clamped to the trajectory: before it the first state, after it the last position at rest.
+    /// An empty trajectory is at the origin.
+    pub fn sample(&self, t_s: f64) -> TrajectoryPoint {
+        let mut t = if t_s.is_finite() { t_s.max(0.0) } else { 0.0 };
+        for piece in &self.pieces {
+            if t <= piece.duration_s {
+                return piece.sample(t);
+            }
+            t -= piece.duration_s;
+        }
+        let p = self.pieces.last().map_or(Point3::origin(), |piece| piece.sample(piece.duration_s).p);
+        TrajectoryPoint { p, v: Vector3::zeros(), a: Vector3::zeros(), jerk: Vector3::zeros() }
+    }
+}
+
+impl Piece {
+    /// State at a local time.
+    pub fn sample(&self, t_s: f64) -> TrajectoryPoint {
+        let at = |k| derivative(&self.coefficients, k, t_s);
+        TrajectoryPoint { p: Point3::from(at(0)), v: at(1), a: at(2), jerk: at(3) }
+    }
+
+    /// Bernstein control points of the k-th derivative over the whole piece: the curve lies in their convex hull.
+    pub fn control_points(&self, k: usize) -> Vec<Vector3<f64>> {
+        let degree = self.coefficients.len().saturating_sub(1);
+        if k > degree {
+            return vec![Vector3::zeros()];
+        }
+        // Powers of u = t / T of the derivative, then power basis -> Bernstein basis: b_i = sum_j C(i,j)/C(n,j) a_j.
+        let n = degree - k;
+        let powers: Vec<Vector3<f64>> = (0..=n)
+            .map(|j| {
+                let factor: f64 = (j + 1..=j + k).map(|m| m as f64).product();
+                self.coefficients[j + k] * (factor * self.duration_s.powi(j as i32))
+            })
+            .collect();
+        (0..=n)
+            .map(|i| (0..=i).fold(Vector3::zeros(), |sum, j| sum + powers[j] * (binomial(i, j) / binomial(n, j))))
+            .collect()
+    }
+}
+
+/// De Casteljau: control points of the two halves.
+pub fn halves(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+    let mut left = Vec::with_capacity(points.len());
+    let mut right = Vec::with_capacity(points.len());
+    let mut work = points.to_vec();
+    while let (Some(first), Some(last)) = (work.first(), work.last()) {
+        left.push(*first);
+        right.push(*last);
+        work = work.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    }
+    right.reverse();
+    (left, right)
+}
+
+fn binomial(n: usize, k: usize) -> f64 {
+    (0..k).map(|i| (n - i) as f64 / (i + 1) as f64).product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn piece() -> Piece {
+        let c = |k: usize| Vector3::new(k as f64 - 2.0, 0.5 * k as f64, -(k as f64) * 0.3);
+        Piece { duration_s: 1.7, coefficients: (0..6).map(c).collect() }
+    }
+
+    #[test]
+    fn control_points_begin_and_end_on_the_curve_and_halves_meet_on_it() {
+        let p = piece();
+        for k in 0..3 {
+            let points = p.control_points(k);
+            assert!((points[0] - derivative(&p.coefficients, k, 0.0)).norm() < 1e-12);
+            assert!((points[points.len() - 1] - derivative(&p.coefficients, k, 1.7)).norm() < 1e-9);
+            let (left, right) = halves(&points);
+            let middle = derivative(&p.coefficients, k, 0.85);
+            assert!((left[left.len() - 1] - middle).norm() < 1e-9 && (right[0] - middle).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn after_the_end_it_rests_there() {
+        let t = PolynomialTrajectory { pieces: vec![piece()] };
+        let end = t.sample(99.0);
+        assert_eq!(end.p, piece().sample(1.7).p);
+        assert_eq!(end.v, Vector3::zeros());
+    }
+}

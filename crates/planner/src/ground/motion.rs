@@ -1,0 +1,89 @@
+//! How the base moves: velocity in the body frame, limited acceleration, arcs. All of it is exact copies of what
+//! the policy commands, so that a checked stop is the stop that happens.
+
+use nalgebra::Vector2;
+
+use super::footprint::Footprint;
+use super::obstacles::{ObstacleField, Pose};
+
+/// A measured velocity that takes longer to brake than this many periods is not believed to be safe.
+const MAX_BRAKE_STEPS: usize = 2000;
+
+/// Body velocity: forward, left, counter-clockwise.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Twist {
+    pub vx: f64,
+    pub vy: f64,
+    pub w: f64,
+}
+
+/// Acceleration limits and the period of the loop.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ramp {
+    pub accel_mps2: f64,
+    pub yaw_accel_radps2: f64,
+}
+
+impl Ramp {
+    /// The velocity after `dt_s` on the way to `target`.
+    pub fn toward(&self, from: &Twist, target: &Twist, dt_s: f64) -> Twist {
+        let change = Vector2::new(target.vx - from.vx, target.vy - from.vy);
+        let most = self.accel_mps2 * dt_s;
+        let share = if change.norm() > most { most / change.norm() } else { 1.0 };
+        let most_yaw = self.yaw_accel_radps2 * dt_s;
+        Twist {
+            vx: from.vx + change.x * share,
+            vy: from.vy + change.y * share,
+            w: from.w + (target.w - from.w).clamp(-most_yaw, most_yaw),
+        }
+    }
+}
+
+impl Twist {
+    pub fn is_zero(&self) -> bool {
+        self.vx == 0.0 && self.vy == 0.0 && self.w == 0.0
+    }
+}
+
+/// The pose after moving with a constant body velocity (midpoint rule; the error is third order in `w dt`).
+pub(crate) fn advance(pose: &Pose, twist: &Twist, dt_s: f64) -> Pose {
+    let (sin, cos) = (pose.yaw + 0.5 * twist.w * dt_s).sin_cos();
+    Pose {
+        x: pose.x + (cos * twist.vx - sin * twist.vy) * dt_s,
+        y: pose.y + (sin * twist.vx + cos * twist.vy) * dt_s,
+        yaw: pose.yaw + twist.w * dt_s,
+    }
+}
+
+/// Whether driving `first` for one period and then braking to rest touches nothing: the invariant of the policy.
+/// The footprint is tested every `margin_m` of motion of its furthest corner (between two tests it cannot come
+/// nearer to a point than half of that).
+pub(crate) fn can_stop(
+    field: &ObstacleField,
+    footprint: &Footprint,
+    margin_m: f64,
+    ramp: &Ramp,
+    period_s: f64,
+    start: &Pose,
+    first: &Twist,
+) -> bool {
+    let (mut pose, mut twist) = (*start, *first);
+    let spacing = margin_m.clamp(0.01, 0.04);
+    let mut since_test = 0.0;
+    for _ in 0..MAX_BRAKE_STEPS {
+        pose = advance(&pose, &twist, period_s);
+        since_test += (twist.vx.hypot(twist.vy) + twist.w.abs() * footprint.circumscribed_radius_m) * period_s;
+        twist = ramp.toward(&twist, &Twist::default(), period_s);
+        let resting = twist.is_zero();
+        if since_test >= spacing || resting {
+            since_test = 0.0;
+            if !field.is_free(footprint, &pose, margin_m) {
+                return false;
+            }
+        }
+        if resting {
+            return true;
+        }
+    }
+    false
+}

@@ -1,0 +1,262 @@
+//! Queries on the visibility graph: one route, many lengths, the nearest reachable point.
+
+use std::collections::BinaryHeap;
+
+use nalgebra::Point2;
+
+use super::lattice::Entry;
+use super::visibility::{Route, VisibilityGraph};
+
+/// A start or goal inside the inflation is moved at most this far.
+pub const MAX_PULL_M: f64 = 0.75;
+/// Points of a finished route are moved away from walls until they have this much clearance on top.
+const COMFORT_M: f64 = 0.35;
+/// ... but not further than this from where the shortest path has them.
+const MAX_SHIFT_M: f64 = 0.30;
+
+impl VisibilityGraph {
+    /// The shortest route, its bends moved away from walls where there is room. `None` if there is none, if start or
+    /// goal has no free point within [`MAX_PULL_M`], or if a coordinate is not finite.
+    ///
+    /// Every leg keeps the clearance of the graph from every blocked square, exactly.
+    pub fn route(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<Route> {
+        let to = self.pull(goal, None)?;
+        let from = self.pull(start, Some(to.component))?;
+        let mut points = self.shortest(&from, &to)?;
+        self.relax(&mut points);
+        let resolution = self.grid.resolution_m;
+        let points: Vec<Point2<f64>> = points.iter().map(|p| self.grid.to_world(p)).collect();
+        let length_m = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        Some(Route { points, length_m, start_pull_m: from.moved * resolution, goal_pull_m: to.moved * resolution })
+    }
+
+    /// Route lengths from one start to many goals by one search; `None` where there is no route. Bends are not moved
+    /// away from walls here, so a length is a little shorter than that of [`VisibilityGraph::route`].
+    pub fn lengths_from(&self, start: &Point2<f64>, goals: &[Point2<f64>]) -> Vec<Option<f64>> {
+        let mut from: Vec<Start> = Vec::new();
+        goals.iter().map(|goal| self.length_to(start, goal, &mut from)).collect()
+    }
+
+    /// The reachable free point nearest to `goal`, and its distance from `goal` in metres. `None` if the start has no
+    /// free point within [`MAX_PULL_M`].
+    pub fn nearest_reachable(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<(Point2<f64>, f64)> {
+        let from = self.pull(start, None)?;
+        let to = self.grid.to_cells(goal);
+        if self.is_free(&to) && self.pull(goal, None).is_some_and(|end| end.component == from.component) {
+            return Some((*goal, 0.0));
+        }
+        let everywhere = (self.lattice.nx + self.lattice.ny) as f64 + (to - from.at).norm();
+        let (k, moved) = self.lattice.nearest(&to, everywhere, |k, _| self.lattice.component(k) == from.component)?;
+        let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
+        Some((self.grid.to_world(&at), moved * self.grid.resolution_m))
+    }
+
+    /// Moves a point into free space. With `component`, into that part of it if one can get there without touching
+    /// a blocked cell.
+    fn pull(&self, point: &Point2<f64>, component: Option<u32>) -> Option<End> {
+        let p = self.grid.to_cells(point);
+        let reach = MAX_PULL_M / self.grid.resolution_m;
+        // A free point belongs to the component of a lattice point it can see, and is not moved.
+        if self.is_free(&p) {
+            let seen = |wanted: Option<u32>| {
+                self.lattice.nearest(&p, 2.0, |k, at| {
+                    wanted.is_none_or(|c| self.lattice.component(k) == c) && self.is_visible(&p, at)
+                })
+            };
+            if let Some((k, _)) = component.and_then(|c| seen(Some(c))).or_else(|| seen(None)) {
+                return Some(End { at: p, anchor: k, component: self.lattice.component(k), moved: 0.0 });
+            }
+        }
+        let nearest = |wanted: Option<u32>| {
+            self.lattice.nearest(&p, reach, |k, at| match wanted {
+                None => true,
+                Some(c) => self.lattice.component(k) == c && self.is_unblocked(&p, at),
+            })
+        };
+        let (k, moved) = component.and_then(|c| nearest(Some(c))).or_else(|| nearest(None))?;
+        let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
+        Some(End { at, anchor: k, component: self.lattice.component(k), moved })
+    }
+
+    /// Whether the straight segment meets no blocked cell, except those round its first point.
+    fn is_unblocked(&self, a: &Point2<f64>, b: &Point2<f64>) -> bool {
+        let steps = ((b - a).norm() * 4.0).ceil().max(1.0) as usize;
+        let mut has_left = false;
+        (0..=steps).all(|s| {
+            let p = a + (b - a) * (s as f64 / steps as f64);
+            let blocked = self.grid.is_blocked(p.x.floor() as i64, p.y.floor() as i64);
+            has_left |= !blocked;
+            !(blocked && has_left)
+        })
+    }
+
+    fn shortest(&self, from: &End, to: &End) -> Option<Vec<Point2<f64>>> {
+        if from.component != to.component {
+            return None;
+        }
+        if self.is_visible(&from.at, &to.at) {
+            return Some(vec![from.at, to.at]);
+        }
+        let tree = self.tree(&from.at);
+        if let Some((_, last)) = self.best_entry(&tree, &to.at) {
+            let mut points = vec![to.at];
+            let mut vertex = last;
+            while vertex != u32::MAX {
+                points.push(self.vertices[vertex as usize].at);
+                vertex = tree[vertex as usize].1;
+            }
+            points.push(from.at);
+            points.reverse();
+            return Some(points);
+        }
+        // The graph misses a passage that only the circle fits through: the lattice does not.
+        let mut points = self.lattice.path(from.anchor, to.anchor)?;
+        points.insert(0, from.at);
+        points.push(to.at);
+        Some(self.shortcut(&points))
+    }
+
+    /// Dijkstra over the vertices: per vertex (distance in cells, parent).
+    fn tree(&self, from: &Point2<f64>) -> Vec<(f64, u32)> {
+        let mut best = vec![(f64::INFINITY, u32::MAX); self.vertices.len()];
+        let mut heap = BinaryHeap::new();
+        for (vertex, length) in self.seen_from(from) {
+            best[vertex as usize].0 = length;
+            heap.push(Entry { cost: length, distance: length, node: vertex });
+        }
+        while let Some(Entry { distance, node, .. }) = heap.pop() {
+            if distance > best[node as usize].0 {
+                continue;
+            }
+            for &(other, length) in &self.edges[node as usize] {
+                let reached = distance + length;
+                if reached < best[other as usize].0 {
+                    best[other as usize] = (reached, node);
+                    heap.push(Entry { cost: reached, distance: reached, node: other });
+                }
+            }
+        }
+        best
+    }
+
+    /// The cheapest vertex from which a point is reached: (length of the whole way, vertex).
+    fn best_entry(&self, tree: &[(f64, u32)], to: &Point2<f64>) -> Option<(f64, u32)> {
+        // In order of the bound, so that the expensive visibility test runs a few times only.
+        let mut ways: Vec<(f64, u32)> = tree
+            .iter()
+            .enumerate()
+            .filter(|(_, t)| t.0.is_finite())
+            .map(|(k, t)| (t.0 + (self.vertices[k].at - to).norm(), k as u32))
+            .collect();
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ways.into_iter().find(|(_, k)| self.is_visible(&self.vertices[*k as usize].at, to))
+    }
+
+    fn length_to(&self, start: &Point2<f64>, goal: &Point2<f64>, starts: &mut Vec<Start>) -> Option<f64> {
+        let to = self.pull(goal, None)?;
+        // One search per component the start can be pulled into: nearly always one.
+        let known = starts.iter().position(|s| s.end.component == to.component);
+        let index = match known {
+            Some(index) => index,
+            None => {
+                let end = self.pull(start, Some(to.component))?;
+                if end.component != to.component {
+                    return None;
+                }
+                starts.push(Start { tree: self.tree(&end.at), end, lattice: None });
+                starts.len() - 1
+            }
+        };
+        let from = &mut starts[index];
+        let cells = if self.is_visible(&from.end.at, &to.at) {
+            (to.at - from.end.at).norm()
+        } else if let Some((length, _)) = self.best_entry(&from.tree, &to.at) {
+            length
+        } else {
+            let distances = from.lattice.get_or_insert_with(|| self.lattice.distances(from.end.anchor));
+            distances[to.anchor]
+        };
+        Some(cells * self.grid.resolution_m)
+    }
+
+    /// Cuts a lattice path short: from each kept point to the furthest later point it sees.
+    fn shortcut(&self, points: &[Point2<f64>]) -> Vec<Point2<f64>> {
+        let mut kept = vec![points[0]];
+        let mut at = 0;
+        while at + 1 < points.len() {
+            let mut next = at + 1;
+            let mut stride = 1;
+            // Doubling, then single steps: visibility along a path is nearly monotone.
+            while at + stride < points.len() {
+                if self.is_visible(&points[at], &points[at + stride]) {
+                    next = at + stride;
+                    stride *= 2;
+                } else {
+                    break;
+                }
+            }
+            while next + 1 < points.len() && self.is_visible(&points[at], &points[next + 1]) {
+                next += 1;
+            }
+            kept.push(points[next]);
+            at = next;
+        }
+        kept
+    }
+
+    /// Moves the bends up the clearance, a cell at a time, while both legs stay clear.
+    fn relax(&self, points: &mut [Point2<f64>]) {
+        let resolution = self.grid.resolution_m;
+        let comfort = self.radius + COMFORT_M / resolution;
+        let original: Vec<Point2<f64>> = points.to_vec();
+        for _ in 0..12 {
+            let mut moved = false;
+            for k in 1..points.len().saturating_sub(1) {
+                let p = points[k];
+                let here = self.field.nearest(p.x, p.y);
+                if here >= comfort {
+                    continue;
+                }
+                let mut best = (here, p);
+                for (dx, dy) in [(1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7), (-1.0, 0.0), (-0.7, -0.7), (0.0, -1.0), (0.7, -0.7)] {
+                    let candidate = Point2::new(p.x + dx, p.y + dy);
+                    let clearance = self.field.nearest(candidate.x, candidate.y);
+                    let near = (candidate - original[k]).norm() * resolution <= MAX_SHIFT_M;
+                    if clearance > best.0 + 0.05 && near {
+                        best = (clearance, candidate);
+                    }
+                }
+                let candidate = best.1;
+                let clear = candidate != p
+                    && self.is_free(&candidate)
+                    && self.is_visible(&points[k - 1], &candidate)
+                    && self.is_visible(&candidate, &points[k + 1]);
+                if clear {
+                    points[k] = candidate;
+                    moved = true;
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+}
+
+/// A start or goal in free space, in cell units.
+#[derive(Debug, Clone, Copy)]
+struct End {
+    at: Point2<f64>,
+    /// A free lattice point that sees it.
+    anchor: usize,
+    component: u32,
+    moved: f64,
+}
+
+/// A start with what was searched from it.
+#[derive(Debug)]
+struct Start {
+    end: End,
+    tree: Vec<(f64, u32)>,
+    lattice: Option<Vec<f64>>,
+}

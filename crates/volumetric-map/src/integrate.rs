@@ -1,0 +1,301 @@
+//! One scan into the volume: the truncation band of every return, then the free space before it.
+//!
+//! 1. *Band.* Every return pulls the voxels from `truncation` in front of it to `behind` behind it towards its own signed
+//!    distance along the ray (Curless and Levoy 1996, with a capped weight, so that the map follows the newest evidence).
+//! 2. *Look-through.* Rays that end in different voxels mark what they pass, stopping one voxel before the return. A voxel
+//!    in the band of any return of this scan is never cleared by this scan; an occupied voxel is cleared only if
+//!    none of its face neighbours holds a return of this scan and the ray ends well behind the surface that the voxel
+//!    belongs to. That keeps floors at grazing angles, table legs and door frames.
+//! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
+//!
+//! Cost: about seven voxels a return for the band; the walk jumps over blocks that are firmly free already.
+
+use nalgebra::{Point3, Vector3};
+use thiserror::Error;
+
+use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
+use crate::ray::RayWalk;
+use crate::volume::{MAX_VOXEL_INDEX, Volume};
+
+/// What one call of [`Volume::integrate`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct IntegrationReport {
+    /// Returns within range that pulled the band.
+    pub integrated: usize,
+    /// Points with a coordinate that is not finite; skipped.
+    pub non_finite: usize,
+    /// Points nearer than `min_range_m`; skipped.
+    pub too_near: usize,
+    /// Points farther than `max_range_m`; they clear, but mark no surface.
+    pub beyond_range: usize,
+    /// Rays that were walked to clear free space.
+    pub clearing_rays: usize,
+    /// Voxels that took an observation of free space.
+    pub cleared_voxels: usize,
+    /// Blocks made by this scan.
+    pub new_blocks: usize,
+    /// Blocks that could not be made because the volume is full.
+    pub refused_blocks: usize,
+}
+
+/// A scan that cannot be integrated at all.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum IntegrationError {
+    /// The sensor position is not finite or farther than a million voxels from the world origin.
+    #[error("the sensor position {0:?} is not finite or too far from the world origin")]
+    Origin([f64; 3]),
+}
+
+impl Volume {
+    /// Folds one scan into the map: an unorganised cloud in world coordinates, seen from `origin_in_world`.
+    ///
+    /// Points that are not finite are skipped and counted. The result depends on nothing but the sequence of calls.
+    ///
+    /// # Errors
+    /// [`IntegrationError::Origin`] if the sensor position is no place; the map is then unchanged.
+    pub fn integrate(
+        &mut self,
+        origin_in_world: &Point3<f64>,
+        points_in_world: &[Point3<f32>],
+    ) -> Result<IntegrationReport, IntegrationError> {
+        let scale = 1.0 / self.config.voxel_m;
+        let origin = origin_in_world.coords * scale;
+        if origin.iter().any(|q| !(q.abs() < MAX_VOXEL_INDEX / 4.0)) {
+            return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
+        }
+        self.revision += 1;
+        let blocks_before = self.blocks.len();
+        let mut scan = Scan { report: IntegrationReport::default(), touched: Vec::new(), origin, last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE) };
+        let mut rays = Vec::with_capacity(points_in_world.len() / 2);
+        self.pull_bands(points_in_world, &mut scan, &mut rays);
+        for id in &scan.touched {
+            self.blocks[*id as usize].refresh(&self.thresholds, self.revision);
+        }
+        for ray in &rays {
+            self.look_through(ray, &mut scan);
+        }
+        self.clear_marked(&mut scan);
+        scan.report.clearing_rays = rays.len();
+        scan.report.new_blocks = self.blocks.len() - blocks_before;
+        Ok(scan.report)
+    }
+
+    /// Step 1; collects the rays that shall clear, one per end voxel.
+    fn pull_bands(&mut self, points: &[Point3<f32>], scan: &mut Scan, rays: &mut Vec<Ray>) {
+        let scale = 1.0 / self.config.voxel_m;
+        let (front, behind) = (self.config.truncation_m * scale, self.config.behind_m * scale);
+        let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
+        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
+        let revision = self.revision;
+        let mut end_voxels = 0usize;
+        for point in points {
+            let offset = point.coords.cast::<f64>() * scale - scan.origin;
+            let range = offset.norm();
+            if !range.is_finite() {
+                scan.report.non_finite += 1;
+                continue;
+            }
+            if range < near || range < 1e-6 {
+                scan.report.too_near += 1;
+                continue;
+            }
+            let direction = offset / range;
+            if range > far {
+                scan.report.beyond_range += 1;
+                end_voxels += 1;
+                if end_voxels.is_multiple_of(self.config.clear_every) {
+                    rays.push(Ray { direction, stop: far, range: far });
+                }
+                continue;
+            }
+            scan.report.integrated += 1;
+            let mut walk = RayWalk::new(scan.origin.into(), direction.into(), (range - front).max(0.0));
+            let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
+            let mut is_before_return = true;
+            loop {
+                let (axis, t) = walk.next_border();
+                if id != NONE {
+                    let block = &mut self.blocks[id as usize];
+                    let local = local_of(walk.index);
+                    let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
+                    let signed = range - (center - scan.origin).dot(&direction);
+                    if signed >= -behind {
+                        let stored = (signed * units_per_voxel).min(f64::from(DISTANCE_ONE)) as f32;
+                        block.observe_distance(local, stored, &self.thresholds);
+                        insert(&mut block.in_band, local);
+                    }
+                    if is_before_return && t > range {
+                        // The voxel of the return itself: mark it, and let the first return in it clear the way.
+                        is_before_return = false;
+                        block.surface_revision = revision;
+                        if !contains(&block.hit, local) {
+                            insert(&mut block.hit, local);
+                            end_voxels += 1;
+                            if end_voxels.is_multiple_of(self.config.clear_every) {
+                                rays.push(Ray { direction, stop: range - 1.0, range });
+                            }
+                        }
+                    }
+                }
+                if t > range + behind {
+                    break;
+                }
+                walk.cross(axis);
+                id = self.follow(id, &walk, axis, scan);
+            }
+        }
+    }
+
+    /// Step 2 for one ray.
+    fn look_through(&mut self, ray: &Ray, scan: &mut Scan) {
+        if ray.stop <= 0.0 {
+            return;
+        }
+        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), 0.0);
+        let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
+        loop {
+            if id != NONE {
+                let block = &mut self.blocks[id as usize];
+                if block.all_settled {
+                    walk.jump_to_block_end();
+                } else {
+                    let local = local_of(walk.index);
+                    if !contains(&block.occupied, local) {
+                        insert(&mut block.seen_through, local);
+                    } else if !contains(&block.seen_through, local)
+                        && !contains(&block.in_band, local)
+                        && self.may_clear(id, &walk, ray, &scan.origin)
+                    {
+                        insert(&mut self.blocks[id as usize].seen_through, local);
+                    }
+                }
+            }
+            let (axis, t) = walk.next_border();
+            if t > ray.stop {
+                return;
+            }
+            walk.cross(axis);
+            id = self.follow(id, &walk, axis, scan);
+        }
+    }
+
+    /// May a ray clear the occupied voxel it stands in?
+    fn may_clear(&self, id: u32, walk: &RayWalk, ray: &Ray, origin: &Vector3<f64>) -> bool {
+        let mut gradient = Vector3::zeros();
+        let here = f64::from(self.blocks[id as usize].distance[local_of(walk.index)]);
+        for axis in 0..3 {
+            let mut values = [here; 2];
+            for (side, value) in values.iter_mut().enumerate() {
+                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else { continue };
+                if block.scan == self.revision && contains(&block.hit, local) {
+                    return false;
+                }
+                if block.weight[local] > 0 {
+                    *value = f64::from(block.distance[local]);
+                }
+            }
+            gradient[axis] = values[1] - values[0];
+        }
+        let norm = gradient.norm();
+        if norm < 1.0 {
+            return true;
+        }
+        // How far behind (or in front of) the voxel's own tangent plane the ray ends. A ray that grazes the floor ends on the
+        // floor: it says nothing against the voxels it slid over.
+        let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
+        let rest = ray.range - (center - origin).dot(&ray.direction);
+        rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * norm
+    }
+
+    fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
+        let mut other = voxel;
+        other[axis] += if side == 1 { 1 } else { -1 };
+        let id = if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
+        (id != NONE).then(|| (&*self.blocks[id as usize], local_of(other)))
+    }
+
+    /// Step 3.
+    fn clear_marked(&mut self, scan: &mut Scan) {
+        for id in &scan.touched {
+            let block = &mut self.blocks[*id as usize];
+            let mut cleared = 0;
+            for z in 0..8 {
+                let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
+                if marked & block.occupied[z] != 0 {
+                    block.surface_revision = self.revision;
+                }
+                cleared += marked.count_ones() as usize;
+                while marked != 0 {
+                    let local = z * 64 + marked.trailing_zeros() as usize;
+                    marked &= marked - 1;
+                    block.observe_free(local, &self.thresholds);
+                }
+            }
+            if cleared > 0 {
+                block.refresh(&self.thresholds, self.revision);
+                scan.report.cleared_voxels += cleared;
+            }
+        }
+    }
+
+    /// The block of a key, made if need be and marked as touched.
+    fn enter(&mut self, key: BlockKey, scan: &mut Scan) -> u32 {
+        if scan.last_entered.0 == key {
+            return scan.last_entered.1;
+        }
+        match self.ensure_block(key) {
+            Some(id) => {
+                scan.last_entered = (key, id);
+                self.touch(id, scan)
+            }
+            None => {
+                scan.report.refused_blocks += 1;
+                NONE
+            }
+        }
+    }
+
+    /// The block after the walk has crossed a border of `axis`.
+    #[inline]
+    fn follow(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
+        let forward = walk.step[axis] > 0;
+        if walk.index[axis] & 7 != if forward { 0 } else { 7 } {
+            return id;
+        }
+        if id != NONE {
+            let next = self.blocks[id as usize].links[2 * axis + usize::from(forward)];
+            if next != NONE {
+                return self.touch(next, scan);
+            }
+        }
+        self.enter(BlockKey::of_voxel(walk.index), scan)
+    }
+
+    #[inline]
+    fn touch(&mut self, id: u32, scan: &mut Scan) -> u32 {
+        if self.blocks[id as usize].begin_scan(self.revision) {
+            scan.touched.push(id);
+        }
+        id
+    }
+}
+
+/// A ray that must end this far (in voxels) off a voxel's tangent plane before it counts against the voxel.
+const CLEAR_DEPTH_VOXELS: f64 = 1.5;
+
+struct Scan {
+    report: IntegrationReport,
+    /// Blocks touched by this scan, in the order of touching.
+    touched: Vec<u32>,
+    /// Sensor position, voxels.
+    origin: Vector3<f64>,
+    /// Neighbouring returns mostly enter the same block: saves the hash.
+    last_entered: (BlockKey, u32),
+}
+
+/// Lengths in voxels.
+struct Ray {
+    direction: Vector3<f64>,
+    stop: f64,
+    range: f64,
+}

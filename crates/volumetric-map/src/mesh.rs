@@ -1,0 +1,358 @@
+//! The surface as triangles: surface nets (Gibson 1998) per block, only where something changed.
+//!
+//! A cell is the cube between eight neighbouring voxel centres. A cell whose corners lie on both sides of the surface gets one
+//! vertex, the mean of the crossings on its twelve edges. Every voxel edge that crosses the surface gives one quad between
+//! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks.
+
+use nalgebra::Point3;
+use rustc_hash::FxHashMap;
+
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, contains, local_of};
+use crate::volume::Volume;
+
+/// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mesh {
+    /// Positions in world, metres.
+    pub vertices: Vec<Point3<f32>>,
+    /// Label of each vertex, 0 = none.
+    pub labels: Vec<u16>,
+    /// Three vertex numbers a triangle.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// What [`Volume::update_mesh`] did.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeshDelta {
+    /// Blocks whose part of the mesh was made anew, ascending.
+    pub updated: Vec<BlockKey>,
+    /// Blocks that had a part and now have none, ascending.
+    pub removed: Vec<BlockKey>,
+    /// Vertices of the whole mesh.
+    pub vertices: usize,
+    /// Triangles of the whole mesh.
+    pub faces: usize,
+}
+
+impl Volume {
+    /// Brings the mesh up to date; looks only at blocks whose surface changed since the last call by more than a fifth of a voxel
+    /// (or whose labels did), and at the neighbours that share a cell with them.
+    pub fn update_mesh(&mut self) -> MeshDelta {
+        let mut stale = self.stale_blocks();
+        stale.sort_unstable();
+        stale.dedup();
+        let mut delta = MeshDelta::default();
+        for key in stale {
+            let part = self.mesh_part(key);
+            if part.cells.is_empty() && part.quads.is_empty() {
+                if self.mesh_cache.remove(key) {
+                    delta.removed.push(key);
+                }
+            } else {
+                self.mesh_cache.insert(key, part);
+                delta.updated.push(key);
+            }
+        }
+        self.mesh_cache.seen = self.revision;
+        delta.vertices = self.mesh_cache.parts.iter().map(|p| p.1.vertices.len()).sum();
+        delta.faces = 2 * self.mesh_cache.parts.iter().map(|p| p.1.quads.len()).sum::<usize>();
+        delta
+    }
+
+    /// The whole mesh as of the last [`update_mesh`](Self::update_mesh), blocks in ascending order.
+    pub fn mesh(&self) -> Mesh {
+        let mut ranks: Vec<usize> = (0..self.mesh_cache.parts.len()).collect();
+        ranks.sort_unstable_by_key(|rank| self.mesh_cache.parts[*rank].0);
+        let mut first_vertex = vec![0u32; ranks.len()];
+        let mut mesh = Mesh::default();
+        for rank in &ranks {
+            let part = &self.mesh_cache.parts[*rank].1;
+            first_vertex[*rank] = mesh.vertices.len() as u32;
+            mesh.vertices.extend_from_slice(&part.vertices);
+            mesh.labels.extend_from_slice(&part.labels);
+        }
+        for rank in &ranks {
+            let (key, part) = &self.mesh_cache.parts[*rank];
+            for quad in &part.quads {
+                if let Some(corners) = self.quad_vertices(*key, quad, &first_vertex) {
+                    mesh.faces.extend(split(corners));
+                }
+            }
+        }
+        mesh
+    }
+
+    /// The part of the mesh that one block owns, with its own copy of the border vertices; for viewers that replace blocks.
+    pub fn block_mesh(&self, key: BlockKey) -> Option<Mesh> {
+        let rank = *self.mesh_cache.rank.get(&key.packed())?;
+        let part = &self.mesh_cache.parts[rank].1;
+        let mut mesh = Mesh::default();
+        let mut number = FxHashMap::default();
+        for quad in &part.quads {
+            let Some(corners) = self.quad_cells(key, quad) else { continue };
+            let corners = corners.map(|(rank, slot)| {
+                *number.entry((rank, slot)).or_insert_with(|| {
+                    let source = &self.mesh_cache.parts[rank].1;
+                    mesh.vertices.push(source.vertices[slot]);
+                    mesh.labels.push(source.labels[slot]);
+                    mesh.vertices.len() as u32 - 1
+                })
+            });
+            mesh.faces.extend(split(corners));
+        }
+        Some(mesh)
+    }
+
+    /// Blocks to mesh again: the changed ones and those on their negative sides, whose cells reach into them.
+    fn stale_blocks(&mut self) -> Vec<BlockKey> {
+        let tolerance = (0.2 * self.config.voxel_m * f64::from(self.thresholds.units_per_m)) as i32;
+        let cache = &mut self.mesh_cache;
+        let mut stale = Vec::new();
+        for block in &self.blocks {
+            let changed = block.surface_revision > cache.seen || block.occupancy_revision > cache.seen;
+            let is_new_shape = || match cache.shape.get(&block.key.packed()) {
+                Some(shape) => shape.differs(block, tolerance),
+                None => block.occupied != [0; 8],
+            };
+            if !changed || !is_new_shape() {
+                continue;
+            }
+            cache.shape.insert(block.key.packed(), Box::new(Shape::of(block)));
+            for corner in 0..8 {
+                stale.push(block.key.offset(-(corner & 1), -(corner >> 1 & 1), -(corner >> 2)));
+            }
+        }
+        stale
+    }
+
+    fn mesh_part(&self, key: BlockKey) -> MeshPart {
+        let mut part = MeshPart::default();
+        if self.block_id(key).is_none() {
+            return part;
+        }
+        let Some(patch) = self.patch(key) else { return part };
+        let voxel = self.config.voxel_m;
+        let first = key.first_voxel();
+        for z in 0..8usize {
+            for y in 0..8usize {
+                for x in 0..8usize {
+                    let base = x + 9 * y + 81 * z;
+                    let here = patch.inside[base];
+                    // Quads: one per crossing edge that begins at this voxel.
+                    for (axis, stride) in [1, 9, 81].into_iter().enumerate() {
+                        let there = patch.inside[base + stride];
+                        if here != UNKNOWN && there != UNKNOWN && here != there {
+                            part.quads.push(Quad { voxel: [x as u8, y as u8, z as u8], axis: axis as u8, flip: here == OUTSIDE });
+                        }
+                    }
+                    if let Some(offset) = patch.cell_vertex(base) {
+                        let at = |axis: usize, local: usize| {
+                            ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
+                        };
+                        part.cells.push((x + 8 * y + 64 * z) as u16);
+                        part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
+                        part.labels.push(self.cell_label(first, [x as i32, y as i32, z as i32]));
+                    }
+                }
+            }
+        }
+        part
+    }
+
+    /// Distances of the 9^3 voxels that a block's cells touch; `None` if nothing in it is occupied.
+    fn patch(&self, key: BlockKey) -> Option<Patch> {
+        let mut patch = Patch { distance: [0; 729], inside: [UNKNOWN; 729] };
+        let mut is_any_inside = false;
+        for corner in 0..8 {
+            let shift = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let Some(block) = self.block(key.offset(shift[0], shift[1], shift[2])) else { continue };
+            let range = |axis: usize| if shift[axis] == 1 { 8..9 } else { 0..8usize };
+            for z in range(2) {
+                for y in range(1) {
+                    for x in range(0) {
+                        let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
+                        if contains(&block.known, local) {
+                            let i = x + 9 * y + 81 * z;
+                            patch.distance[i] = block.distance[local];
+                            patch.inside[i] = if block.distance[local] < 0 { INSIDE } else { OUTSIDE };
+                            is_any_inside |= block.distance[local] < 0;
+                        }
+                    }
+                }
+            }
+        }
+        is_any_inside.then_some(patch)
+    }
+
+    /// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
+    fn cell_label(&self, first: [i32; 3], local: [i32; 3]) -> u16 {
+        let mut best = (0u32, 0u16);
+        let mut tally = [(0u16, 0u32); 8];
+        for corner in 0..8 {
+            let voxel = [
+                first[0] + local[0] + (corner & 1),
+                first[1] + local[1] + (corner >> 1 & 1),
+                first[2] + local[2] + (corner >> 2),
+            ];
+            let Some(votes) = self.block(BlockKey::of_voxel(voxel)).and_then(|b| b.votes.as_ref()) else { continue };
+            let i = local_of(voxel);
+            if votes.count[i] == 0 {
+                continue;
+            }
+            let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
+            slot.0 = votes.label[i];
+            slot.1 += u32::from(votes.count[i]);
+        }
+        for (label, count) in tally {
+            if count > best.0 || count == best.0 && count > 0 && label < best.1 {
+                best = (count, label);
+            }
+        }
+        best.1
+    }
+
+    /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
+    fn quad_vertices(&self, key: BlockKey, quad: &Quad, first_vertex: &[u32]) -> Option<[u32; 4]> {
+        Some(self.quad_cells(key, quad)?.map(|(rank, slot)| first_vertex[rank] + slot as u32))
+    }
+
+    /// (part, slot in the part) of a quad's four cells; `None` if one of them has no vertex (it touches unknown voxels).
+    fn quad_cells(&self, key: BlockKey, quad: &Quad) -> Option<[(usize, usize); 4]> {
+        let first = key.first_voxel();
+        let axis = usize::from(quad.axis);
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut corners = [(0, 0); 4];
+        for (corner, (du, dv)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
+            let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(quad.voxel[a]));
+            cell[u] -= 1 - du;
+            cell[v] -= 1 - dv;
+            let rank = *self.mesh_cache.rank.get(&BlockKey::of_voxel(cell).packed())?;
+            let slot = self.mesh_cache.parts[rank].1.cells.binary_search(&(local_of(cell) as u16)).ok()?;
+            corners[corner] = (rank, slot);
+        }
+        if quad.flip {
+            corners.reverse();
+        }
+        Some(corners)
+    }
+}
+
+fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
+    [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
+}
+
+const UNKNOWN: u8 = 0;
+const INSIDE: u8 = 1;
+const OUTSIDE: u8 = 2;
+
+struct Patch {
+    distance: [i16; 729],
+    inside: [u8; 729],
+}
+
+impl Patch {
+    /// Mean of the crossings on the cell's edges, in voxels from the cell's first voxel centre; `None` if no edge crosses or a
+    /// corner is unknown.
+    fn cell_vertex(&self, base: usize) -> Option<[f32; 3]> {
+        let mut corner = [0usize; 8];
+        let mut seen = 0;
+        for (k, slot) in corner.iter_mut().enumerate() {
+            *slot = base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2);
+            let side = self.inside[*slot];
+            if side == UNKNOWN {
+                return None;
+            }
+            seen |= side;
+        }
+        if seen != INSIDE | OUTSIDE {
+            return None;
+        }
+        let mut sum = [0f32; 3];
+        let mut crossings = 0f32;
+        for axis in 0..3 {
+            for a in 0..8usize {
+                let b = a | 1 << axis;
+                if a == b || self.inside[corner[a]] == self.inside[corner[b]] {
+                    continue;
+                }
+                let (da, db) = (f32::from(self.distance[corner[a]]), f32::from(self.distance[corner[b]]));
+                for (other, value) in sum.iter_mut().enumerate() {
+                    *value += if other == axis { da / (da - db) } else { (a >> other & 1) as f32 };
+                }
+                crossings += 1.0;
+            }
+        }
+        Some(sum.map(|s| s / crossings))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Quad {
+    voxel: [u8; 3],
+    axis: u8,
+    flip: bool,
+}
+
+/// One block's cells, ascending, and quads.
+#[derive(Debug, Clone, Default)]
+struct MeshPart {
+    cells: Vec<u16>,
+    vertices: Vec<Point3<f32>>,
+    labels: Vec<u16>,
+    quads: Vec<Quad>,
+}
+
+/// What a block looked like when it was last meshed.
+#[derive(Debug, Clone)]
+struct Shape {
+    known: [u64; 8],
+    distance: [i16; BLOCK_VOXELS],
+    label: Option<Box<[u16; BLOCK_VOXELS]>>,
+}
+
+impl Shape {
+    fn of(block: &Block) -> Self {
+        Self { known: block.known, distance: block.distance, label: block.votes.as_ref().map(|v| Box::new(v.label)) }
+    }
+
+    fn differs(&self, block: &Block, tolerance: i32) -> bool {
+        if self.known != block.known || self.label.as_deref() != block.votes.as_ref().map(|v| &v.label) {
+            return true;
+        }
+        let moved = |(a, b): (&i16, &i16)| {
+            let (a, b) = (i32::from(*a), i32::from(*b));
+            (a - b).abs() > tolerance || (a < 0) != (b < 0)
+        };
+        self.distance.iter().zip(&block.distance).any(moved)
+    }
+}
+
+/// The mesh so far, by block.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct MeshCache {
+    seen: u32,
+    parts: Vec<(BlockKey, MeshPart)>,
+    rank: FxHashMap<u64, usize>,
+    shape: FxHashMap<u64, Box<Shape>>,
+}
+
+impl MeshCache {
+    fn insert(&mut self, key: BlockKey, part: MeshPart) {
+        match self.rank.get(&key.packed()) {
+            Some(rank) => self.parts[*rank].1 = part,
+            None => {
+                self.rank.insert(key.packed(), self.parts.len());
+                self.parts.push((key, part));
+            }
+        }
+    }
+
+    fn remove(&mut self, key: BlockKey) -> bool {
+        let Some(rank) = self.rank.remove(&key.packed()) else { return false };
+        self.parts.swap_remove(rank);
+        if let Some((moved, _)) = self.parts.get(rank) {
+            self.rank.insert(moved.packed(), rank);
+        }
+        true
+    }
+}

@@ -1,0 +1,613 @@
+//! Places: a sparse graph of free space whose nodes are centres of the widest spots and whose edges know the narrowest.
+//!
+//! The cells of free space with enough clearance are visited from the widest to the narrowest (a watershed of the distance
+//! field). A cell that touches no region opens one; a cell that touches regions joins the one whose place is nearest, or,
+//! if it is too far from all of them and lies on the Voronoi diagram (two nearest obstacles in different directions),
+//! opens a new one. Where two regions first touch, their edge is born, and the clearance of that cell is the widest that anything
+//! can have on the way from one to the other. So the graph is connected exactly where free space is, by construction.
+//!
+//! Places of the last update open their regions first, moved a little to the best cell near by: ids persist, and are never reused.
+
+use nalgebra::{Point3, Vector3};
+use rustc_hash::FxHashMap;
+use thiserror::Error;
+
+use crate::distance_field::{BEYOND, DistanceField};
+use crate::volume::Cell;
+
+/// Name of a place, never reused. Prints as "P7".
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PlaceId(pub u64);
+
+impl std::fmt::Display for PlaceId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "P{}", self.0)
+    }
+}
+
+/// A spot in free space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// Its name.
+    pub id: PlaceId,
+    /// World position: the centre of a cell of the distance field.
+    pub position: Point3<f64>,
+    /// Distance to the nearest obstacle, metres.
+    pub clearance_m: f64,
+    /// Nearest obstacles in clearly different directions (1: a slope of the distance field, 2: on its ridge, 3 and more: a junction).
+    pub basis_points: u8,
+    /// Cells of its region with unknown space beside them (in x or y); more than 0: there is something to explore.
+    pub frontier_cells: u32,
+}
+
+/// Two places whose regions touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaceEdge {
+    /// The smaller id.
+    pub a: PlaceId,
+    /// The larger id.
+    pub b: PlaceId,
+    /// The largest clearance that can be kept all the way from one to the other, metres.
+    pub clearance_m: f64,
+    /// Distance between the two, metres.
+    pub length_m: f64,
+}
+
+/// What an update changed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PlaceEvent {
+    /// A new place.
+    Created(Place),
+    /// A place moved, or its clearance or frontier changed noticeably.
+    Updated(Place),
+    /// A place is gone.
+    Removed(PlaceId),
+    /// A new edge, or one whose clearance changed noticeably.
+    EdgeAdded(PlaceEdge),
+    /// An edge is gone.
+    EdgeRemoved(PlaceId, PlaceId),
+}
+
+/// Settings of a [`PlaceGraph`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaceConfig {
+    /// Free space with less clearance than this does not count, metres. Default 0.25: half of a narrow door (0.6) less the grid.
+    pub min_clearance_m: f64,
+    /// Places lie about this far apart along the ridges, metres. Default 1.2.
+    pub spacing_m: f64,
+    /// Clearance needed to open a place because the others are far, metres. Default 0.35.
+    pub min_place_clearance_m: f64,
+    /// Neighbouring places nearer than this become one, unless the way between is narrower than both, metres. Default 0.7.
+    pub merge_m: f64,
+    /// Regions with fewer cells are dropped, unless an edge depends on them. Default 8.
+    pub min_region_cells: u32,
+    /// Only world heights in this band count, metres: for a ground robot, what it can reach. Default all.
+    pub height_band_m: Option<[f64; 2]>,
+}
+
+impl Default for PlaceConfig {
+    fn default() -> Self {
+        Self {
+            min_clearance_m: 0.25,
+            spacing_m: 1.2,
+            min_place_clearance_m: 0.35,
+            merge_m: 0.7,
+            min_region_cells: 8,
+            height_band_m: None,
+        }
+    }
+}
+
+/// A setting of [`PlaceConfig`] that makes no sense.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum PlaceConfigError {
+    /// A length is not finite and positive.
+    #[error("min_clearance_m, spacing_m, min_place_clearance_m and merge_m must be finite and positive")]
+    Length,
+    /// `merge_m` is not below `spacing_m`.
+    #[error("merge_m ({merge_m}) must be smaller than spacing_m ({spacing_m})")]
+    MergeAboveSpacing {
+        /// The value given.
+        merge_m: f64,
+        /// The value given.
+        spacing_m: f64,
+    },
+    /// The height band is reversed or not a number.
+    #[error("height_band_m must be [low, high] with low < high")]
+    HeightBand,
+}
+
+impl PlaceConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`PlaceConfigError`] names what makes no sense.
+    pub fn validate(&self) -> Result<(), PlaceConfigError> {
+        let lengths = [self.min_clearance_m, self.spacing_m, self.min_place_clearance_m, self.merge_m];
+        if lengths.iter().any(|l| !l.is_finite() || *l <= 0.0) {
+            return Err(PlaceConfigError::Length);
+        }
+        if self.merge_m >= self.spacing_m {
+            return Err(PlaceConfigError::MergeAboveSpacing { merge_m: self.merge_m, spacing_m: self.spacing_m });
+        }
+        if self.height_band_m.is_some_and(|b| !(b[0] < b[1])) {
+            return Err(PlaceConfigError::HeightBand);
+        }
+        Ok(())
+    }
+}
+
+/// The places of a map, kept over time.
+#[derive(Debug, Clone)]
+pub struct PlaceGraph {
+    config: PlaceConfig,
+    places: Vec<Place>,
+    edges: Vec<PlaceEdge>,
+    next_id: u64,
+    /// Index into `places` per cell of the field seen last, [`NO_REGION`] outside; and that field's layout.
+    region: Vec<u32>,
+    layout: ([i32; 3], [usize; 3], f64),
+}
+
+pub(crate) const NO_REGION: u32 = u32::MAX;
+
+impl PlaceGraph {
+    /// An empty graph.
+    ///
+    /// # Errors
+    /// [`PlaceConfigError`] if the configuration is not valid.
+    pub fn new(config: PlaceConfig) -> Result<Self, PlaceConfigError> {
+        config.validate()?;
+        Ok(Self { config, places: Vec::new(), edges: Vec::new(), next_id: 0, region: Vec::new(), layout: ([0; 3], [0; 3], 1.0) })
+    }
+
+    /// Brings the graph up to date with the field and tells what changed: removals first, then places, then edges, each
+    /// in ascending order. The same sequence of fields gives the same graph.
+    pub fn update(&mut self, field: &DistanceField) -> Vec<PlaceEvent> {
+        let flood = Flood::run(field, &self.config, &self.places);
+        let (places, edges, region) = flood.finish(&mut self.next_id);
+        let mut events = Vec::new();
+        let mut kept = FxHashMap::default();
+        for place in &places {
+            kept.insert(place.id, place);
+        }
+        let new_edges: FxHashMap<_, _> = edges.iter().map(|e| ((e.a, e.b), e)).collect();
+        let old_edges: FxHashMap<_, _> = self.edges.iter().map(|e| ((e.a, e.b), e)).collect();
+        events.extend(
+            self.edges
+                .iter()
+                .filter(|e| !new_edges.contains_key(&(e.a, e.b)))
+                .map(|e| PlaceEvent::EdgeRemoved(e.a, e.b)),
+        );
+        events.extend(self.places.iter().filter(|p| !kept.contains_key(&p.id)).map(|p| PlaceEvent::Removed(p.id)));
+        let mut settled = Vec::with_capacity(places.len());
+        for place in places {
+            match self.places.binary_search_by_key(&place.id, |p| p.id) {
+                Err(_) => {
+                    events.push(PlaceEvent::Created(place));
+                    settled.push(place);
+                }
+                Ok(at) => {
+                    let is_moved = differs(&self.places[at], &place, field.resolution_m());
+                    if is_moved {
+                        events.push(PlaceEvent::Updated(place));
+                    }
+                    // What was not told did not happen: small changes add up against the state told last.
+                    settled.push(if is_moved { place } else { self.places[at] });
+                }
+            }
+        }
+        let mut settled_edges = Vec::with_capacity(edges.len());
+        for edge in &edges {
+            let old = old_edges.get(&(edge.a, edge.b));
+            let is_same = old.is_some_and(|old| {
+                (old.clearance_m - edge.clearance_m).abs() < 0.5 * field.resolution_m()
+                    && (old.length_m - edge.length_m).abs() < 0.5 * field.resolution_m()
+            });
+            if is_same {
+                settled_edges.push(**old.expect("is_same says there is one"));
+            } else {
+                events.push(PlaceEvent::EdgeAdded(*edge));
+                settled_edges.push(*edge);
+            }
+        }
+        self.places = settled;
+        self.edges = settled_edges;
+        self.region = region;
+        self.layout = (field.low, field.size, field.resolution_m);
+        events
+    }
+
+    /// All places, ascending by id.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// All edges, ascending by (a, b).
+    pub fn edges(&self) -> &[PlaceEdge] {
+        &self.edges
+    }
+
+    /// One place.
+    pub fn place(&self, id: PlaceId) -> Option<&Place> {
+        self.places.binary_search_by_key(&id, |p| p.id).ok().map(|at| &self.places[at])
+    }
+
+    /// The place whose region holds a world point; `None` outside all regions (too near to an obstacle, or unknown).
+    pub fn place_at(&self, point: &Point3<f64>) -> Option<PlaceId> {
+        let (low, size, resolution_m) = self.layout;
+        let mut number = 0;
+        for axis in [2, 1, 0] {
+            let q = (point[axis] / resolution_m).floor() - f64::from(low[axis]);
+            if !(q >= 0.0 && q < size[axis] as f64) {
+                return None;
+            }
+            number = number * size[axis] + q as usize;
+        }
+        let place = *self.region.get(number)?;
+        (place != NO_REGION).then(|| self.places[place as usize].id)
+    }
+
+    /// Checks what must hold between the parts; for tests.
+    ///
+    /// # Panics
+    /// With the name of the rule that is broken.
+    pub fn check_invariants(&self) {
+        assert!(self.places.windows(2).all(|w| w[0].id < w[1].id), "places ascend and are unique");
+        assert!(self.places.iter().all(|p| p.id.0 < self.next_id), "ids come from the counter");
+        assert!(self.edges.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)), "edges ascend and are unique");
+        for edge in &self.edges {
+            assert!(edge.a < edge.b, "an edge names the smaller id first");
+            let (a, b) = (self.place(edge.a), self.place(edge.b));
+            assert!(a.is_some() && b.is_some(), "both ends of an edge exist");
+        }
+        for place in &self.places {
+            assert!(place.clearance_m > 0.0 && place.basis_points > 0, "a place has clearance and an obstacle or the limit");
+        }
+        assert!(self.region.iter().all(|r| *r == NO_REGION || (*r as usize) < self.places.len()), "regions name places");
+    }
+}
+
+fn differs(old: &Place, new: &Place, resolution_m: f64) -> bool {
+    let frontier = |p: &Place| p.frontier_cells;
+    (old.position - new.position).norm() > 1e-9
+        || (old.clearance_m - new.clearance_m).abs() >= 0.5 * resolution_m
+        || (frontier(old) == 0) != (frontier(new) == 0)
+        || frontier(old).abs_diff(frontier(new)) * 5 > frontier(old)
+}
+
+/// One watershed over the field.
+struct Flood<'a> {
+    field: &'a DistanceField,
+    config: &'a PlaceConfig,
+    /// Region (index into `seeds`) per cell.
+    label: Vec<u32>,
+    seeds: Vec<Seed>,
+    /// Where two regions first touched, and the squared clearance there.
+    contacts: FxHashMap<(u32, u32), u16>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Seed {
+    cell: usize,
+    at: [i32; 3],
+    id: Option<PlaceId>,
+    /// The region this one was merged into, or itself.
+    parent: u32,
+    cells: u32,
+    frontier: u32,
+}
+
+impl<'a> Flood<'a> {
+    fn run(field: &'a DistanceField, config: &'a PlaceConfig, old: &[Place]) -> Self {
+        let mut flood = Self {
+            field,
+            config,
+            label: vec![NO_REGION; field.state.len()],
+            seeds: Vec::new(),
+            contacts: FxHashMap::default(),
+        };
+        let order = flood.cells_from_wide_to_narrow();
+        for place in old {
+            flood.anchor(place);
+        }
+        let spacing_squared = squared_cells(config.spacing_m, field);
+        let min_place = squared_clearance(config.min_place_clearance_m, field);
+        for cell in order {
+            flood.visit(cell as usize, spacing_squared, min_place);
+        }
+        flood
+    }
+
+    /// Free cells with enough clearance, by counting sort: clearance descending, then cell number.
+    fn cells_from_wide_to_narrow(&self) -> Vec<u32> {
+        let field = self.field;
+        let floor = squared_clearance(self.config.min_clearance_m, field);
+        let (first, end) = self.band_cells();
+        let is_member = |cell: &usize| field.state[*cell] == Cell::Free && field.squared[*cell] >= floor;
+        let widest = field.squared[first..end].iter().filter(|d| **d != BEYOND).max().copied().unwrap_or(0);
+        let rank = |cell: usize| usize::from(widest + 1 - field.squared[cell].min(widest + 1));
+        let mut start = vec![0usize; usize::from(widest) + 3];
+        for cell in (first..end).filter(is_member) {
+            start[rank(cell) + 1] += 1;
+        }
+        for i in 1..start.len() {
+            start[i] += start[i - 1];
+        }
+        let mut order = vec![0u32; start[start.len() - 1]];
+        for cell in (first..end).filter(is_member) {
+            let slot = &mut start[rank(cell)];
+            order[*slot] = cell as u32;
+            *slot += 1;
+        }
+        order
+    }
+
+    /// Range of cell numbers whose centres lie in the height band.
+    fn band_cells(&self) -> (usize, usize) {
+        let field = self.field;
+        let layer = field.size[0] * field.size[1];
+        let Some([low, high]) = self.config.height_band_m else { return (0, field.state.len()) };
+        let first = (low / field.resolution_m - 0.5).ceil() - f64::from(field.low[2]);
+        let end = (high / field.resolution_m - 0.5).floor() - f64::from(field.low[2]) + 1.0;
+        let clamp = |v: f64| v.clamp(0.0, field.size[2] as f64) as usize * layer;
+        (clamp(first), clamp(end).max(clamp(first)))
+    }
+
+    /// Lets an old place open its region again: at its own cell, or at a clearly wider one close by. Gone if there is none.
+    fn anchor(&mut self, place: &Place) {
+        let field = self.field;
+        let Some(home) = field.cell_at(&place.position) else { return };
+        let floor = squared_clearance(self.config.min_clearance_m, field);
+        let (first, end) = self.band_cells();
+        let is_member =
+            |cell: usize| (first..end).contains(&cell) && field.state[cell] == Cell::Free && field.squared[cell] >= floor;
+        let mut best = is_member(home).then_some(home);
+        // Climb cell by cell, at most three steps, and only for a gain of half a cell: noise must not move places.
+        let mut here = home;
+        for _ in 0..3 {
+            let mut next = None;
+            let mut top = if is_member(here) { field.cell_distance(here) + 0.5 * field.resolution_m } else { 0.0 };
+            for cell in self.box_around(here) {
+                if is_member(cell) && field.cell_distance(cell) > top {
+                    top = field.cell_distance(cell);
+                    next = Some(cell);
+                }
+            }
+            let Some(cell) = next else { break };
+            here = cell;
+            best = Some(cell);
+        }
+        let Some(cell) = best else { return };
+        if self.label[cell] == NO_REGION {
+            self.open(cell, Some(place.id));
+        }
+    }
+
+    fn box_around(&self, cell: usize) -> Vec<usize> {
+        let at = self.field.coordinates(cell);
+        let range = |axis: usize| at[axis].saturating_sub(1)..=(at[axis] + 1).min(self.field.size[axis] - 1);
+        let mut out = Vec::with_capacity(27);
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    out.push(self.field.number([x, y, z]));
+                }
+            }
+        }
+        out
+    }
+
+    fn open(&mut self, cell: usize, id: Option<PlaceId>) -> u32 {
+        let label = self.seeds.len() as u32;
+        let at = self.field.coordinates(cell).map(|v| v as i32);
+        self.seeds.push(Seed { cell, at, id, parent: label, cells: 0, frontier: 0 });
+        self.label[cell] = label;
+        label
+    }
+
+    fn visit(&mut self, cell: usize, spacing_squared: i32, min_place: u16) {
+        let field = self.field;
+        let [nx, ny, nz] = field.size;
+        let at = field.coordinates(cell);
+        let mut touching = [NO_REGION; 6];
+        let mut touched = 0;
+        let mut beside_unknown = false;
+        let sides = [
+            (at[0] > 0, cell.wrapping_sub(1)),
+            (at[0] + 1 < nx, cell + 1),
+            (at[1] > 0, cell.wrapping_sub(nx)),
+            (at[1] + 1 < ny, cell + nx),
+            (at[2] > 0, cell.wrapping_sub(nx * ny)),
+            (at[2] + 1 < nz, cell + nx * ny),
+        ];
+        for (side, (exists, other)) in sides.into_iter().enumerate() {
+            if !exists {
+                continue;
+            }
+            beside_unknown |= side < 4 && field.state[other] == Cell::Unknown;
+            if self.label[other] == NO_REGION {
+                continue;
+            }
+            let region = self.root(self.label[other]);
+            // A region that was anchored but not yet reached counts only from its own cell: it has no area yet.
+            if !touching[..touched].contains(&region) {
+                touching[touched] = region;
+                touched += 1;
+            }
+        }
+        let mut own = self.label[cell];
+        if own == NO_REGION {
+            let here = at.map(|v| v as i32);
+            let nearest = touching[..touched].iter().copied().min_by_key(|r| (self.gap(*r, here), *r));
+            own = match nearest {
+                None => self.open(cell, None),
+                Some(region)
+                    if self.gap(region, here) > spacing_squared
+                        && field.squared[cell] >= min_place
+                        && basis_points(field, cell) >= 2 =>
+                {
+                    let _ = region;
+                    self.open(cell, None)
+                }
+                Some(region) => region,
+            };
+            self.label[cell] = own;
+        }
+        own = self.root(own);
+        self.seeds[own as usize].cells += 1;
+        self.seeds[own as usize].frontier += u32::from(beside_unknown);
+        for other in &touching[..touched] {
+            let (a, b) = (self.root(own), self.root(*other));
+            if a != b {
+                self.meet(a.min(b), a.max(b), field.squared[cell]);
+            }
+        }
+    }
+
+    /// Two regions touch at a cell with this squared clearance: an edge, or one region if the border is no border.
+    fn meet(&mut self, elder: u32, younger: u32, saddle: u16) {
+        if self.contacts.contains_key(&(elder, younger)) {
+            return;
+        }
+        let field = self.field;
+        let (a, b) = (self.seeds[elder as usize], self.seeds[younger as usize]);
+        let gap = (0..3).map(|k| (a.at[k] - b.at[k]).pow(2)).sum::<i32>();
+        let lower = field.cell_distance(a.cell).min(field.cell_distance(b.cell));
+        let saddle_m = if saddle == BEYOND { field.max_distance_m() } else { f64::from(saddle).sqrt() * field.resolution_m };
+        let is_close = gap < squared_cells(self.config.merge_m, field) && saddle_m >= 0.8 * lower;
+        // A rise of less than a cell above the saddle is noise of the grid, not a place of its own.
+        let is_noise = gap < squared_cells(self.config.spacing_m, field) && lower - saddle_m < field.resolution_m;
+        let was_told = a.id.is_some() && b.id.is_some();
+        if is_close || is_noise && !was_told {
+            self.seeds[younger as usize].parent = elder;
+            self.seeds[elder as usize].cells += b.cells;
+            self.seeds[elder as usize].frontier += b.frontier;
+        } else {
+            self.contacts.insert((elder, younger), saddle);
+        }
+    }
+
+    fn root(&mut self, label: u32) -> u32 {
+        let mut at = label;
+        while self.seeds[at as usize].parent != at {
+            let above = self.seeds[at as usize].parent;
+            self.seeds[at as usize].parent = self.seeds[above as usize].parent;
+            at = above;
+        }
+        at
+    }
+
+    fn gap(&self, region: u32, here: [i32; 3]) -> i32 {
+        let at = self.seeds[region as usize].at;
+        (0..3).map(|k| (at[k] - here[k]).pow(2)).sum()
+    }
+
+    /// Places, edges and the region of every cell.
+    fn finish(mut self, next_id: &mut u64) -> (Vec<Place>, Vec<PlaceEdge>, Vec<u32>) {
+        let field = self.field;
+        let mut widest: FxHashMap<(u32, u32), u16> = FxHashMap::default();
+        let mut contacts: Vec<_> = std::mem::take(&mut self.contacts).into_iter().collect();
+        contacts.sort_unstable();
+        for ((a, b), saddle) in contacts {
+            let (a, b) = (self.root(a), self.root(b));
+            if a != b {
+                let slot = widest.entry((a.min(b), a.max(b))).or_insert(saddle);
+                *slot = (*slot).max(saddle);
+            }
+        }
+        let mut has_edge = vec![false; self.seeds.len()];
+        let mut pairs: Vec<_> = widest.into_iter().collect();
+        pairs.sort_unstable();
+        for ((a, b), _) in &pairs {
+            has_edge[*a as usize] = true;
+            has_edge[*b as usize] = true;
+        }
+        let mut id_of = vec![None; self.seeds.len()];
+        let mut places = Vec::new();
+        for (label, seed) in self.seeds.iter().enumerate() {
+            let is_root = seed.parent as usize == label;
+            if !is_root || seed.cells < self.config.min_region_cells && !has_edge[label] {
+                continue;
+            }
+            let id = seed.id.unwrap_or_else(|| {
+                *next_id += 1;
+                PlaceId(*next_id - 1)
+            });
+            id_of[label] = Some(id);
+            places.push(Place {
+                id,
+                position: field.center(field.coordinates(seed.cell)),
+                clearance_m: field.cell_distance(seed.cell),
+                basis_points: basis_points(field, seed.cell),
+                frontier_cells: seed.frontier,
+            });
+        }
+        places.sort_unstable_by_key(|p| p.id);
+        let rank_of: Vec<u32> = (0..self.seeds.len() as u32)
+            .map(|label| {
+                let id = id_of[self.root(label) as usize];
+                id.and_then(|id| places.binary_search_by_key(&id, |p| p.id).ok()).map_or(NO_REGION, |r| r as u32)
+            })
+            .collect();
+        let mut edges: Vec<PlaceEdge> = pairs
+            .into_iter()
+            .map(|((a, b), saddle)| {
+                let end = |label: u32| &places[rank_of[label as usize] as usize];
+                let (a, b) = if end(a).id < end(b).id { (end(a), end(b)) } else { (end(b), end(a)) };
+                let saddle_m =
+                    if saddle == BEYOND { field.max_distance_m() } else { f64::from(saddle).sqrt() * field.resolution_m };
+                PlaceEdge {
+                    a: a.id,
+                    b: b.id,
+                    clearance_m: saddle_m.min(a.clearance_m).min(b.clearance_m),
+                    length_m: (a.position - b.position).norm(),
+                }
+            })
+            .collect();
+        edges.sort_unstable_by_key(|e| (e.a, e.b));
+        let mut region = self.label;
+        for label in &mut region {
+            if *label != NO_REGION {
+                *label = rank_of[*label as usize];
+            }
+        }
+        (places, edges, region)
+    }
+}
+
+/// Number of nearest obstacles of a cell in clearly different directions: obstacles of the 26 cells around that are, from here, within one
+/// cell as near as its own, and more than 60 degrees apart from those counted before. A cell with two or more lies on the generalised
+/// Voronoi diagram of the obstacles (Lau, Sprunk and Burgard 2013). A cell beyond the largest distance has one.
+pub(crate) fn basis_points(field: &DistanceField, cell: usize) -> u8 {
+    let at = field.coordinates(cell);
+    let vector = |obstacle: [usize; 3]| Vector3::from_fn(|axis, _| obstacle[axis] as f64 - at[axis] as f64);
+    let Some(own) = field.obstacle_of(cell) else { return 1 };
+    let limit = vector(own).norm() + 1.0;
+    let mut directions = vec![vector(own).normalize()];
+    let range = |axis: usize| at[axis].saturating_sub(1)..=(at[axis] + 1).min(field.size[axis] - 1);
+    for z in range(2) {
+        for y in range(1) {
+            for x in range(0) {
+                let Some(other) = field.obstacle_of(field.number([x, y, z])) else { continue };
+                let v = vector(other);
+                let length = v.norm();
+                if length > 0.0 && length <= limit && directions.iter().all(|d| d.dot(&v) < 0.5 * length) {
+                    directions.push(v / length);
+                }
+            }
+        }
+    }
+    directions.len().min(255) as u8
+}
+
+/// Smallest stored squared distance that means at least this many metres.
+fn squared_clearance(metres: f64, field: &DistanceField) -> u16 {
+    let cells = metres / field.resolution_m;
+    // A hair in: 0.3 m / 0.1 m must be 3 cells whatever the rounding.
+    (cells * cells - 1e-6).ceil().clamp(1.0, f64::from(BEYOND)) as u16
+}
+
+fn squared_cells(metres: f64, field: &DistanceField) -> i32 {
+    ((metres / field.resolution_m).powi(2)).min(1e9) as i32
+}

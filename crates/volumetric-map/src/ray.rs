@@ -1,0 +1,124 @@
+//! Walking a ray through voxels: Amanatides and Woo 1987, with a jump over whole blocks.
+
+/// A ray on its way through the voxel grid. Lengths are in voxels.
+#[derive(Debug, Clone)]
+pub(crate) struct RayWalk {
+    /// The voxel the walk stands in.
+    pub index: [i32; 3],
+    /// -1, 0 or 1 an axis.
+    pub step: [i32; 3],
+    /// Ray length at which the next border of each axis is crossed.
+    t_next: [f64; 3],
+    t_delta: [f64; 3],
+}
+
+impl RayWalk {
+    /// Starts `t_start` along the ray from `origin` (in voxels) in the unit direction.
+    pub fn new(origin: [f64; 3], direction: [f64; 3], t_start: f64) -> Self {
+        let mut walk = Self { index: [0; 3], step: [0; 3], t_next: [f64::INFINITY; 3], t_delta: [f64::INFINITY; 3] };
+        for axis in 0..3 {
+            let d = direction[axis];
+            walk.index[axis] = (origin[axis] + d * t_start).floor() as i32;
+            if d.abs() > 1e-12 {
+                let inverse = 1.0 / d;
+                let border = f64::from(walk.index[axis]) + if d > 0.0 { 1.0 } else { 0.0 };
+                walk.step[axis] = if d > 0.0 { 1 } else { -1 };
+                walk.t_next[axis] = (border - origin[axis]) * inverse;
+                walk.t_delta[axis] = inverse.abs();
+            }
+        }
+        walk
+    }
+
+    /// The axis whose border comes next and the ray length there.
+    #[inline]
+    pub fn next_border(&self) -> (usize, f64) {
+        let [x, y, z] = self.t_next;
+        if x <= y && x <= z {
+            (0, x)
+        } else if y <= z {
+            (1, y)
+        } else {
+            (2, z)
+        }
+    }
+
+    /// Crosses the next border of an axis.
+    #[inline]
+    pub fn cross(&mut self, axis: usize) {
+        self.index[axis] += self.step[axis];
+        self.t_next[axis] += self.t_delta[axis];
+    }
+
+    /// Stands in the last voxel of this 8^3 block before the ray leaves it; the next [`cross`](Self::cross) leaves.
+    pub fn jump_to_block_end(&mut self) {
+        // Borders each axis has yet to cross inside the block before the one that leaves it.
+        let mut left = [0i32; 3];
+        let mut t_leave = f64::INFINITY;
+        for axis in 0..3 {
+            let local = self.index[axis] & 7;
+            left[axis] = if self.step[axis] > 0 { 7 - local } else { local };
+            if self.step[axis] != 0 {
+                t_leave = t_leave.min(self.t_next[axis] + f64::from(left[axis]) * self.t_delta[axis]);
+            }
+        }
+        for axis in 0..3 {
+            if self.step[axis] == 0 || self.t_next[axis] >= t_leave {
+                continue;
+            }
+            let crossed = (((t_leave - self.t_next[axis]) / self.t_delta[axis]).ceil() as i32).min(left[axis]);
+            self.index[axis] += crossed * self.step[axis];
+            self.t_next[axis] += f64::from(crossed) * self.t_delta[axis];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn voxels(origin: [f64; 3], direction: [f64; 3], length: f64) -> Vec<[i32; 3]> {
+        let mut walk = RayWalk::new(origin, direction, 0.0);
+        let mut out = vec![walk.index];
+        loop {
+            let (axis, t) = walk.next_border();
+            if t > length {
+                return out;
+            }
+            walk.cross(axis);
+            out.push(walk.index);
+        }
+    }
+
+    #[test]
+    fn a_straight_and_a_slanted_ray_by_hand() {
+        assert_eq!(voxels([0.5, 0.5, 0.5], [-1.0, 0.0, 0.0], 2.0), [[0, 0, 0], [-1, 0, 0], [-2, 0, 0]]);
+        let s = 5.0f64.sqrt();
+        assert_eq!(
+            voxels([0.5, 0.6, 0.5], [2.0 / s, 1.0 / s, 0.0], 2.2),
+            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]]
+        );
+    }
+
+    #[test]
+    fn a_jump_ends_where_the_steps_end() {
+        for k in 0..200u32 {
+            let a = f64::from(k) * 0.37;
+            let direction = [a.cos() * (0.3 * a).cos(), a.sin() * (0.3 * a).cos(), (0.3 * a).sin()];
+            let origin = [3.3 + (a * 7.0).sin(), 4.1, 2.7 + (a * 3.0).cos()];
+            let mut jump = RayWalk::new(origin, direction, 0.0);
+            let mut steps = jump.clone();
+            jump.jump_to_block_end();
+            loop {
+                let (axis, _) = steps.next_border();
+                let mut ahead = steps.clone();
+                ahead.cross(axis);
+                if ahead.index.map(|i| i >> 3) != steps.index.map(|i| i >> 3) {
+                    break;
+                }
+                steps = ahead;
+            }
+            assert_eq!(jump.index, steps.index, "ray {k}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! The hashed truncated signed distance volume: 8^3-voxel blocks that know their neighbours.
+
+use nalgebra::{Point3, Vector3};
+use rustc_hash::FxHashMap;
+
+use crate::block::{Block, BlockKey, NONE, Thresholds, Votes, contains, local_of};
+use crate::config::{ConfigError, VolumeConfig};
+use crate::mesh::MeshCache;
+
+/// What the map says about a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub enum Cell {
+    /// Nothing was ever seen here.
+    #[default]
+    Unknown,
+    /// Seen through.
+    Free,
+    /// A surface, or the inside of a thing just behind one.
+    Occupied,
+}
+
+/// A map of signed distances, free space and labels that grows where points fall.
+///
+/// Made by [`Volume::new`], fed by [`Volume::integrate`](crate::Volume::integrate) and [`Volume::vote_labels`], read by
+/// [`Volume::observe`], the grids, the mesh and [`DistanceField`](crate::DistanceField).
+#[derive(Debug, Clone)]
+pub struct Volume {
+    pub(crate) config: VolumeConfig,
+    pub(crate) thresholds: Thresholds,
+    pub(crate) blocks: Vec<Box<Block>>,
+    index: FxHashMap<u64, u32>,
+    /// Number of the last change (scan or vote).
+    pub(crate) revision: u32,
+    pub(crate) mesh_cache: MeshCache,
+}
+
+impl Volume {
+    /// An empty volume.
+    ///
+    /// # Errors
+    /// [`ConfigError`] if the configuration is not valid.
+    pub fn new(config: VolumeConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
+            thresholds: Thresholds::new(&config),
+            config,
+            blocks: Vec::new(),
+            index: FxHashMap::default(),
+            revision: 0,
+            mesh_cache: MeshCache::default(),
+        })
+    }
+
+    /// The configuration it was made with.
+    pub fn config(&self) -> &VolumeConfig {
+        &self.config
+    }
+
+    /// Number of blocks in memory.
+    pub fn block_count(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Rises by one with every scan and every vote; readers use it to find what changed.
+    pub fn revision(&self) -> u32 {
+        self.revision
+    }
+
+    /// Unknown, free or occupied at a world point. Points that are not finite are unknown.
+    pub fn observe(&self, point: &Point3<f64>) -> Cell {
+        self.voxel_of(point).map_or(Cell::Unknown, |voxel| self.observe_voxel(voxel))
+    }
+
+    /// The stored signed distance at a world point, metres, positive in front of surfaces and cut at the truncation;
+    /// `None` where unknown.
+    pub fn signed_distance(&self, point: &Point3<f64>) -> Option<f64> {
+        let voxel = self.voxel_of(point)?;
+        let block = self.block(BlockKey::of_voxel(voxel))?;
+        let local = local_of(voxel);
+        contains(&block.known, local).then(|| f64::from(block.distance[local]) / f64::from(self.thresholds.units_per_m))
+    }
+
+    /// The label that leads in the voxel at a world point; `None` where nobody voted.
+    pub fn label_at(&self, point: &Point3<f64>) -> Option<u16> {
+        let voxel = self.voxel_of(point)?;
+        let votes = self.block(BlockKey::of_voxel(voxel))?.votes.as_ref()?;
+        let local = local_of(voxel);
+        (votes.count[local] > 0).then_some(votes.label[local])
+    }
+
+    /// Votes for the label of the voxels that hold the points: a Misra-Gries count with one slot, so that the majority of a
+    /// voxel's votes wins whatever their order. Label 0 means "none" and is skipped, as are points that are not finite or
+    /// lie where the map has no block (integrate first, then vote). Returns the number of votes counted.
+    pub fn vote_labels(&mut self, labelled: &[(Point3<f32>, u16)]) -> usize {
+        self.revision += 1;
+        let revision = self.revision;
+        let mut counted = 0;
+        for (point, label) in labelled {
+            let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else { continue };
+            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else { continue };
+            if *label == 0 {
+                continue;
+            }
+            counted += 1;
+            let block = &mut self.blocks[id as usize];
+            let local = local_of(voxel);
+            let votes = block.votes.get_or_insert_with(|| Box::new(Votes { label: [0; 512], count: [0; 512] }));
+            if votes.count[local] == 0 {
+                votes.label[local] = *label;
+                votes.count[local] = 1;
+                block.surface_revision = revision;
+            } else if votes.label[local] == *label {
+                votes.count[local] = votes.count[local].saturating_add(1);
+            } else {
+                votes.count[local] -= 1;
+            }
+        }
+        counted
+    }
+
+    /// World bounds (min, max) of all blocks, metres; `None` when empty.
+    pub fn bounds(&self) -> Option<(Point3<f64>, Point3<f64>)> {
+        let first = self.blocks.first()?.key;
+        let mut low = [first.x, first.y, first.z];
+        let mut high = low;
+        for block in &self.blocks {
+            for (axis, v) in [block.key.x, block.key.y, block.key.z].into_iter().enumerate() {
+                low[axis] = low[axis].min(v);
+                high[axis] = high[axis].max(v);
+            }
+        }
+        let edge = 8.0 * self.config.voxel_m;
+        let at = |k: [i32; 3], add: i32| Point3::from(Vector3::from(k.map(|v| f64::from(v + add) * edge)));
+        Some((at(low, 0), at(high, 1)))
+    }
+
+    /// World position of a voxel's centre.
+    pub fn voxel_center(&self, voxel: [i32; 3]) -> Point3<f64> {
+        Point3::from(Vector3::from(voxel.map(|i| (f64::from(i) + 0.5) * self.config.voxel_m)))
+    }
+
+    /// The voxel that holds a world point; `None` if not finite or absurdly far away.
+    pub fn voxel_of(&self, point: &Point3<f64>) -> Option<[i32; 3]> {
+        let mut voxel = [0; 3];
+        for axis in 0..3 {
+            let q = (point[axis] / self.config.voxel_m).floor();
+            if !(q.abs() < MAX_VOXEL_INDEX) {
+                return None;
+            }
+            voxel[axis] = q as i32;
+        }
+        Some(voxel)
+    }
+
+    /// Bytes taken by the blocks.
+    pub fn memory_bytes(&self) -> usize {
+        let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
+        self.blocks.len() * (size_of::<Block>() + 32) + votes
+    }
+
+    /// Checks everything that must hold between the parts; for tests.
+    ///
+    /// # Panics
+    /// With the name of the rule that is broken.
+    pub fn check_invariants(&self) {
+        assert_eq!(self.index.len(), self.blocks.len(), "index and blocks have one entry per block");
+        for (id, block) in self.blocks.iter().enumerate() {
+            assert_eq!(self.block_id(block.key), Some(id as u32), "the index finds the block");
+            for (side, link) in block.links.iter().enumerate() {
+                let expected = self.block_id(neighbour_key(block.key, side)).unwrap_or(NONE);
+                assert_eq!(*link, expected, "links agree with the index");
+            }
+            let mut copy = block.clone();
+            copy.refresh(&self.thresholds, u32::MAX);
+            assert_eq!(copy.known, block.known, "known set follows the weights");
+            assert_eq!(copy.occupied, block.occupied, "occupied set follows the distances");
+            assert_eq!(copy.settled, block.settled, "settled set follows both");
+            assert_eq!(copy.all_settled, block.all_settled, "summary follows the settled set");
+            assert!(block.weight.iter().all(|w| *w <= self.config.max_weight), "weights are capped");
+        }
+    }
+
+    pub(crate) fn observe_voxel(&self, voxel: [i32; 3]) -> Cell {
+        let Some(block) = self.block(BlockKey::of_voxel(voxel)) else { return Cell::Unknown };
+        let local = local_of(voxel);
+        if contains(&block.occupied, local) {
+            Cell::Occupied
+        } else if contains(&block.known, local) {
+            Cell::Free
+        } else {
+            Cell::Unknown
+        }
+    }
+
+    #[inline]
+    pub(crate) fn block_id(&self, key: BlockKey) -> Option<u32> {
+        self.index.get(&key.packed()).copied()
+    }
+
+    #[inline]
+    pub(crate) fn block(&self, key: BlockKey) -> Option<&Block> {
+        self.block_id(key).map(|id| &*self.blocks[id as usize])
+    }
+
+    /// Finds or makes a block; `None` when the volume is full.
+    pub(crate) fn ensure_block(&mut self, key: BlockKey) -> Option<u32> {
+        if let Some(id) = self.block_id(key) {
+            return Some(id);
+        }
+        if self.blocks.len() >= self.config.max_blocks {
+            return None;
+        }
+        Some(self.push_block(Block::new(key)))
+    }
+
+    /// Adds a block whose key is new and ties it to its neighbours.
+    pub(crate) fn push_block(&mut self, block: Block) -> u32 {
+        let id = self.blocks.len() as u32;
+        let key = block.key;
+        self.index.insert(key.packed(), id);
+        self.blocks.push(Box::new(block));
+        for side in 0..6 {
+            let neighbour = self.block_id(neighbour_key(key, side)).unwrap_or(NONE);
+            self.blocks[id as usize].links[side] = neighbour;
+            if neighbour != NONE {
+                self.blocks[neighbour as usize].links[side ^ 1] = id;
+            }
+        }
+        id
+    }
+}
+
+/// Voxel indices stay well inside what a block key can hold.
+pub(crate) const MAX_VOXEL_INDEX: f64 = (1 << 22) as f64;
+
+fn neighbour_key(key: BlockKey, side: usize) -> BlockKey {
+    let step = if side & 1 == 1 { 1 } else { -1 };
+    match side >> 1 {
+        0 => key.offset(step, 0, 0),
+        1 => key.offset(0, step, 0),
+        _ => key.offset(0, 0, step),
+    }
+}
