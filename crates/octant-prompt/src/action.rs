@@ -61,13 +61,9 @@ impl Action {
     pub fn text(&self, names: &NameTable) -> String {
         let name = |named: Named, id: String| names.name_of(named).map_or(id, str::to_string);
         let argument = match self {
-            Action::GoToRoom(id) | Action::Stop(Target::Room(id)) => {
-                name(Named::Room(*id), id.to_string())
-            }
+            Action::GoToRoom(id) | Action::Stop(Target::Room(id)) => name(Named::Room(*id), id.to_string()),
             Action::TurnTo(octant) => octant.to_string(),
-            Action::GoNear(id) | Action::Stop(Target::Object(id)) => {
-                name(Named::Object(*id), id.to_string())
-            }
+            Action::GoNear(id) | Action::Stop(Target::Object(id)) => name(Named::Object(*id), id.to_string()),
             Action::Explore(id) => name(Named::Place(*id), id.to_string()),
             Action::GiveUp { reason } => reason.clone(),
         };

@@ -32,9 +32,7 @@ pub struct Attempt {
 impl DecisionRecord {
     /// The objections, in order.
     pub fn objections(&self) -> impl Iterator<Item = &Critique> {
-        self.attempts
-            .iter()
-            .filter_map(|attempt| attempt.objection.as_ref())
+        self.attempts.iter().filter_map(|attempt| attempt.objection.as_ref())
     }
 }
 
@@ -51,14 +49,7 @@ pub fn decide_with_critic(
     let mut attempts = Vec::new();
     let mut critiques = Vec::new();
     for _ in 0..=max_retries {
-        let outcome = attempt(
-            reasoner,
-            critic,
-            situation,
-            prompt,
-            &mut critiques,
-            &mut attempts,
-        );
+        let outcome = attempt(reasoner, critic, situation, prompt, &mut critiques, &mut attempts);
         if let Some(reply) = outcome {
             return DecisionRecord {
                 reply: Some(reply),
@@ -78,20 +69,8 @@ pub fn decide_with_critic(
             break;
         }
     }
-    let reply = attempt(
-        fallback,
-        critic,
-        situation,
-        prompt,
-        &mut critiques,
-        &mut attempts,
-    );
-    DecisionRecord {
-        reply,
-        attempts,
-        decided_by: fallback.name().to_string(),
-        is_fallback: true,
-    }
+    let reply = attempt(fallback, critic, situation, prompt, &mut critiques, &mut attempts);
+    DecisionRecord { reply, attempts, decided_by: fallback.name().to_string(), is_fallback: true }
 }
 
 fn attempt(
@@ -104,25 +83,11 @@ fn attempt(
 ) -> Option<Reply> {
     let outcome = reasoner.decide(situation, prompt, critiques);
     let objection = match &outcome {
-        Ok(reply) => critic
-            .check(&reply.action, situation, prompt.revision)
-            .err(),
-        Err(error) => Some(Critique {
-            code: CritiqueCode::Unparsable,
-            action: None,
-            message: error.to_string(),
-        }),
+        Ok(reply) => critic.check(&reply.action, situation, prompt.revision).err(),
+        Err(error) => Some(Critique { code: CritiqueCode::Unparsable, action: None, message: error.to_string() }),
     };
-    let accepted = if objection.is_none() {
-        outcome.as_ref().ok().cloned()
-    } else {
-        None
-    };
+    let accepted = if objection.is_none() { outcome.as_ref().ok().cloned() } else { None };
     critiques.extend(objection.clone());
-    attempts.push(Attempt {
-        by: reasoner.name().to_string(),
-        outcome,
-        objection,
-    });
+    attempts.push(Attempt { by: reasoner.name().to_string(), outcome, objection });
     accepted
 }

@@ -15,16 +15,9 @@ const MAX_ROOMS: usize = 64;
 const MAX_ITEMS: usize = 48;
 
 /// The richest detail within the budget.
-pub fn fit(
-    tiers: &Tiers,
-    instruction: &str,
-    config: &PromptConfig,
-    counter: &dyn TokenCounter,
-) -> Detail {
+pub fn fit(tiers: &Tiers, instruction: &str, config: &PromptConfig, counter: &dyn TokenCounter) -> Detail {
     let plan = Plan::new(tiers, instruction, config);
-    let fits = |detail: &Detail| {
-        counter.count(&render(tiers, instruction, detail, None)) <= config.budget_tokens
-    };
+    let fits = |detail: &Detail| counter.count(&render(tiers, instruction, detail, None)) <= config.budget_tokens;
     let full = plan.after(0);
     if fits(&full) {
         return full;
@@ -36,29 +29,17 @@ pub fn fit(
     }
     while enough - too_much > 1 {
         let middle = (too_much + enough) / 2;
-        if fits(&plan.after(middle)) {
-            enough = middle
-        } else {
-            too_much = middle
-        }
+        if fits(&plan.after(middle)) { enough = middle } else { too_much = middle }
     }
     plan.after(enough)
 }
 
-fn cut_instruction(
-    mut detail: Detail,
-    instruction: &str,
-    fits: &dyn Fn(&Detail) -> bool,
-) -> Detail {
+fn cut_instruction(mut detail: Detail, instruction: &str, fits: &dyn Fn(&Detail) -> bool) -> Detail {
     let (mut enough, mut too_much) = (0, instruction.len());
     while too_much - enough > 1 {
         let middle = (enough + too_much) / 2;
         detail.instruction_bytes = middle;
-        if fits(&detail) {
-            enough = middle
-        } else {
-            too_much = middle
-        }
+        if fits(&detail) { enough = middle } else { too_much = middle }
     }
     detail.instruction_bytes = enough;
     detail
@@ -88,11 +69,7 @@ impl Plan {
         rooms.sort_by_key(|index| (tiers.rooms[*index].is_asked, std::cmp::Reverse(*index)));
         let hidden = rooms.len().saturating_sub(MAX_ROOMS);
         let rooms: Vec<usize> = rooms.split_off(hidden);
-        let captioned = tiers
-            .focal
-            .iter()
-            .filter(|item| item.is_asked && !item.caption.is_empty())
-            .count();
+        let captioned = tiers.focal.iter().filter(|item| item.is_asked && !item.caption.is_empty()).count();
         Plan {
             shown_rooms: rooms.len(),
             rooms,
@@ -106,11 +83,7 @@ impl Plan {
     }
 
     fn steps(&self) -> usize {
-        2 * self.shown_rooms
-            + self.peripheral.len()
-            + self.places
-            + self.captions
-            + self.focal.len()
+        2 * self.shown_rooms + self.peripheral.len() + self.places + self.captions + self.focal.len()
     }
 
     /// The detail after `count` steps of dropping.

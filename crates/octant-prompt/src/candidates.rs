@@ -76,20 +76,9 @@ pub fn candidates(situation: &Situation, config: &GroundingConfig) -> Candidates
     };
     let room = step.goal.room.clone().or_else(|| context_room(situation));
     let rooms = rooms(situation, room.as_ref(), &scene);
-    let objects = if step.kind == StepKind::FindObject {
-        objects(situation, &scene, config)
-    } else {
-        Vec::new()
-    };
+    let objects = if step.kind == StepKind::FindObject { objects(situation, &scene, config) } else { Vec::new() };
     let places = search::places(situation, &scene, &rooms);
-    let mut out = Candidates {
-        scene,
-        objects,
-        rooms,
-        room,
-        places,
-        chosen: None,
-    };
+    let mut out = Candidates { scene, objects, rooms, room, places, chosen: None };
     out.chosen = match step.kind {
         StepKind::FindObject => choose_object(situation, &out, config),
         StepKind::GoToRoom => choose_room(situation, &out, config),
@@ -100,17 +89,12 @@ pub fn candidates(situation: &Situation, config: &GroundingConfig) -> Candidates
 impl Candidates {
     /// The candidate with this id.
     pub fn object(&self, id: ObjectId) -> Option<&ObjectCandidate> {
-        self.objects
-            .iter()
-            .find(|candidate| candidate.found.id == id)
+        self.objects.iter().find(|candidate| candidate.found.id == id)
     }
 
     /// The score of this room; None if the step names no room.
     pub fn room_score(&self, id: RoomId) -> Option<f64> {
-        self.rooms
-            .iter()
-            .find(|candidate| candidate.id == id)
-            .map(|candidate| candidate.score)
+        self.rooms.iter().find(|candidate| candidate.id == id).map(|candidate| candidate.score)
     }
 
     /// True while a reachable place is left to search.
@@ -126,40 +110,23 @@ impl Candidates {
 
 /// "go to the kitchen, then find the mug": the mug is looked for in the kitchen first.
 fn context_room(situation: &Situation) -> Option<RoomReference> {
-    let before = situation
-        .instruction
-        .steps
-        .get(situation.step_index.checked_sub(1)?)?;
+    let before = situation.instruction.steps.get(situation.step_index.checked_sub(1)?)?;
     let here = situation.step()?;
-    if before.kind != StepKind::GoToRoom
-        || here.goal.floor.is_some()
-        || !here.goal.excluded_rooms.is_empty()
-    {
+    if before.kind != StepKind::GoToRoom || here.goal.floor.is_some() || !here.goal.excluded_rooms.is_empty() {
         return None;
     }
     before.goal.room.clone()
 }
 
-fn rooms(
-    situation: &Situation,
-    reference: Option<&RoomReference>,
-    scene: &Scene,
-) -> Vec<RoomCandidate> {
+fn rooms(situation: &Situation, reference: Option<&RoomReference>, scene: &Scene) -> Vec<RoomCandidate> {
     let Some(reference) = reference else {
         return Vec::new();
     };
-    let floor = situation
-        .step()
-        .and_then(|step| step.goal.floor)
-        .map(|floor| floor.resolve(scene.floor));
+    let floor = situation.step().and_then(|step| step.goal.floor).map(|floor| floor.resolve(scene.floor));
     let mut rooms: Vec<RoomCandidate> = (0..scene.rooms.len())
         .map(|index| {
             let facts = &scene.rooms[index];
-            let storey = if floor.is_none_or(|floor| floor == facts.floor) {
-                1.0
-            } else {
-                0.05
-            };
+            let storey = if floor.is_none_or(|floor| floor == facts.floor) { 1.0 } else { 0.05 };
             RoomCandidate {
                 id: facts.id,
                 score: storey * room_score(reference, index, scene, &situation.viewer()),
@@ -176,26 +143,16 @@ fn objects(situation: &Situation, scene: &Scene, config: &GroundingConfig) -> Ve
         return Vec::new();
     };
     let found = ground(&step.goal, scene, &situation.viewer());
-    let fresh = found
-        .into_iter()
-        .filter(|found| !situation.has_failed(&Action::GoNear(found.id)));
+    let fresh = found.into_iter().filter(|found| !situation.has_failed(&Action::GoNear(found.id)));
     fresh
         .map(|found| {
             let is_accepted = found.is_accepted(config);
-            ObjectCandidate {
-                path_m: situation.path_to_object(found.id),
-                is_accepted,
-                found,
-            }
+            ObjectCandidate { path_m: situation.path_to_object(found.id), is_accepted, found }
         })
         .collect()
 }
 
-fn choose_object(
-    situation: &Situation,
-    known: &Candidates,
-    config: &GroundingConfig,
-) -> Option<Choice> {
+fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingConfig) -> Option<Choice> {
     let step = situation.step()?;
     let goal = &step.goal;
     let searching = known.has_search_left();
@@ -203,25 +160,17 @@ fn choose_object(
     let preferred = |candidate: &ObjectCandidate| {
         goal.room.is_some()
             || known.room.is_none()
-            || known.scene.things[candidate.found.index]
-                .room
-                .is_some_and(|room| {
-                    known
-                        .room_score(known.scene.rooms[room].id)
-                        .is_some_and(|score| score >= config.accept_relation)
-                })
+            || known.scene.things[candidate.found.index].room.is_some_and(|room| {
+                known.room_score(known.scene.rooms[room].id).is_some_and(|score| score >= config.accept_relation)
+            })
     };
     let room_is_open = known.places.iter().any(|place| place.is_in_wanted_room);
-    let weight = |candidate: &ObjectCandidate| {
-        candidate.found.total * if preferred(candidate) { 1.0 } else { 0.75 }
-    };
+    let weight = |candidate: &ObjectCandidate| candidate.found.total * if preferred(candidate) { 1.0 } else { 0.75 };
     let pool: Vec<&ObjectCandidate> = known
         .objects
         .iter()
         .filter(|candidate| {
-            candidate.is_accepted
-                && candidate.path_m.is_some()
-                && (preferred(candidate) || !room_is_open)
+            candidate.is_accepted && candidate.path_m.is_some() && (preferred(candidate) || !room_is_open)
         })
         .collect();
     if !pool.is_empty() && !(searching && needs_whole_map(goal, known)) {
@@ -237,13 +186,10 @@ fn choose_object(
     let anchors_unknown = goal.relations.iter().any(|clause| {
         !clause.negated
             && clause.anchors.iter().any(|anchor| {
-                ground(anchor, &known.scene, &situation.viewer())
-                    .first()
-                    .is_none_or(|best| best.total < 0.3)
+                ground(anchor, &known.scene, &situation.viewer()).first().is_none_or(|best| best.total < 0.3)
             })
     });
-    let room_unknown =
-        goal.room.is_some() && known.rooms.first().is_none_or(|room| room.score < 0.3);
+    let room_unknown = goal.room.is_some() && known.rooms.first().is_none_or(|room| room.score < 0.3);
     let guesses: Vec<&ObjectCandidate> = known
         .objects
         .iter()
@@ -252,8 +198,7 @@ fn choose_object(
             let own = found.class >= config.accept && found.attributes >= config.accept_attributes;
             let relation_ok = anchors_unknown || found.weakest_relation >= config.accept_relation;
             let room_ok = room_unknown || found.room >= config.accept_relation;
-            candidate.path_m.is_some()
-                && (found.total >= config.accept_at_last || (own && relation_ok && room_ok))
+            candidate.path_m.is_some() && (found.total >= config.accept_at_last || (own && relation_ok && room_ok))
         })
         .collect();
     pick(situation, &guesses, &weight, true)
@@ -277,17 +222,9 @@ fn needs_whole_map(goal: &crate::instruction::Referring, known: &Candidates) -> 
         )
     };
     let relation = |relation: SpatialRelation| relation == SpatialRelation::Farthest;
-    let extreme = goal.superlatives.iter().any(global)
-        || goal
-            .relations
-            .iter()
-            .any(|clause| relation(clause.relation));
+    let extreme = goal.superlatives.iter().any(global) || goal.relations.iter().any(|clause| relation(clause.relation));
     // Within a named room only that room must be seen.
-    extreme
-        && known
-            .places
-            .iter()
-            .any(|place| place.is_frontier && (goal.room.is_none() || place.is_in_wanted_room))
+    extreme && known.places.iter().any(|place| place.is_frontier && (goal.room.is_none() || place.is_in_wanted_room))
 }
 
 /// The nearest of those that are about as good as the best.
@@ -301,38 +238,20 @@ fn pick(
     const AS_GOOD: f64 = 0.8;
     /// The object already being approached wins against one up to this much nearer, so that the robot does not swing between two.
     const LOYALTY: f64 = 0.6;
-    let best = pool
-        .iter()
-        .map(|candidate| weight(candidate))
-        .fold(0.0, f64::max);
+    let best = pool.iter().map(|candidate| weight(candidate)).fold(0.0, f64::max);
     let current = situation.last_action.and_then(Action::object);
     let effort = |candidate: &ObjectCandidate| {
-        candidate.path_m.unwrap_or(f64::INFINITY)
-            * if current == Some(candidate.found.id) {
-                LOYALTY
-            } else {
-                1.0
-            }
+        candidate.path_m.unwrap_or(f64::INFINITY) * if current == Some(candidate.found.id) { LOYALTY } else { 1.0 }
     };
-    let equals = pool
-        .iter()
-        .filter(|candidate| weight(candidate) >= AS_GOOD * best);
-    let chosen = equals.min_by(|a, b| {
-        effort(a)
-            .total_cmp(&effort(b))
-            .then(a.found.id.cmp(&b.found.id))
-    })?;
+    let equals = pool.iter().filter(|candidate| weight(candidate) >= AS_GOOD * best);
+    let chosen = equals.min_by(|a, b| effort(a).total_cmp(&effort(b)).then(a.found.id.cmp(&b.found.id)))?;
     let second = pool
         .iter()
         .filter(|candidate| candidate.found.id != chosen.found.id)
         .map(|candidate| weight(candidate))
         .fold(0.0, f64::max);
     let score = weight(chosen);
-    let margin = if score > 0.0 {
-        ((score - second) / score).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let margin = if score > 0.0 { ((score - second) / score).clamp(0.0, 1.0) } else { 0.0 };
     Some(Choice {
         target: Target::Object(chosen.found.id),
         confidence: (score * (0.5 + 0.5 * margin)).clamp(0.0, 1.0),
@@ -340,11 +259,7 @@ fn pick(
     })
 }
 
-fn choose_room(
-    situation: &Situation,
-    known: &Candidates,
-    config: &GroundingConfig,
-) -> Option<Choice> {
+fn choose_room(situation: &Situation, known: &Candidates, config: &GroundingConfig) -> Option<Choice> {
     let open: Vec<&RoomCandidate> = known
         .rooms
         .iter()
@@ -356,22 +271,15 @@ fn choose_room(
         return None;
     }
     let loyal = |room: &RoomCandidate| situation.last_action == Some(&Action::GoToRoom(room.id));
-    let effort = |room: &RoomCandidate| {
-        room.path_m.unwrap_or(f64::INFINITY) * if loyal(room) { 0.6 } else { 1.0 }
-    };
+    let effort = |room: &RoomCandidate| room.path_m.unwrap_or(f64::INFINITY) * if loyal(room) { 0.6 } else { 1.0 };
     let chosen = open
         .iter()
         .filter(|room| room.score >= 0.8 * best.score)
         .min_by(|a, b| effort(a).total_cmp(&effort(b)).then(a.id.cmp(&b.id)))?;
-    let second = open
-        .iter()
-        .filter(|room| room.id != chosen.id)
-        .map(|room| room.score)
-        .fold(0.0, f64::max);
+    let second = open.iter().filter(|room| room.id != chosen.id).map(|room| room.score).fold(0.0, f64::max);
     Some(Choice {
         target: Target::Room(chosen.id),
-        confidence: (chosen.score * (0.5 + 0.5 * (1.0 - second / chosen.score).clamp(0.0, 1.0)))
-            .clamp(0.0, 1.0),
+        confidence: (chosen.score * (0.5 + 0.5 * (1.0 - second / chosen.score).clamp(0.0, 1.0))).clamp(0.0, 1.0),
         is_guess: !clear,
     })
 }
@@ -382,9 +290,5 @@ pub fn is_well_inside(situation: &Situation, id: RoomId) -> bool {
     const THRESHOLD_M: f64 = 0.6;
     let position = situation.position();
     situation.room() == Some(id)
-        && situation
-            .graph
-            .doors_of(id)
-            .iter()
-            .all(|door| (door.doorway - position).xy().norm() >= THRESHOLD_M)
+        && situation.graph.doors_of(id).iter().all(|door| (door.doorway - position).xy().norm() >= THRESHOLD_M)
 }

@@ -84,93 +84,52 @@ impl Critic {
     ///
     /// # Errors
     /// The first objection found.
-    pub fn check(
-        &self,
-        action: &Action,
-        situation: &Situation,
-        prompt_revision: u64,
-    ) -> Result<(), Critique> {
-        let object = |code, message: String| {
-            Err(Critique {
-                code,
-                action: Some(action.clone()),
-                message,
-            })
-        };
+    pub fn check(&self, action: &Action, situation: &Situation, prompt_revision: u64) -> Result<(), Critique> {
+        let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
         let Some(step) = situation.step() else {
-            return object(
-                CritiqueCode::TargetMismatch,
-                "The instruction has no further step.".into(),
-            );
+            return object(CritiqueCode::TargetMismatch, "The instruction has no further step.".into());
         };
         let missing = || {
             let stale = prompt_revision != situation.graph.revision();
             if stale {
                 object(
                     CritiqueCode::StaleName,
-                    "It is no longer in the scene graph; the map has changed since the prompt."
-                        .into(),
+                    "It is no longer in the scene graph; the map has changed since the prompt.".into(),
                 )
             } else {
-                object(
-                    CritiqueCode::UnknownId,
-                    "There is no such id in the scene graph.".into(),
-                )
+                object(CritiqueCode::UnknownId, "There is no such id in the scene graph.".into())
             }
         };
-        if matches!(
-            action,
-            Action::GoToRoom(_) | Action::Explore(_) | Action::GoNear(_)
-        ) && situation.has_failed(action)
+        if matches!(action, Action::GoToRoom(_) | Action::Explore(_) | Action::GoNear(_))
+            && situation.has_failed(action)
         {
             return object(CritiqueCode::Repeat, "This was tried and failed.".into());
         }
         match action {
-            Action::TurnTo(_) if situation.last_action == Some(action) => object(
-                CritiqueCode::Repeat,
-                "You just turned there; choose another action.".into(),
-            ),
+            Action::TurnTo(_) if situation.last_action == Some(action) => {
+                object(CritiqueCode::Repeat, "You just turned there; choose another action.".into())
+            }
             Action::TurnTo(_) => Ok(()),
-            Action::GoToRoom(id) | Action::Stop(Target::Room(id))
-                if situation.graph.room(*id).is_none() =>
-            {
-                missing()
-            }
-            Action::GoNear(id) | Action::Stop(Target::Object(id))
-                if situation.graph.object(*id).is_none() =>
-            {
-                missing()
-            }
+            Action::GoToRoom(id) | Action::Stop(Target::Room(id)) if situation.graph.room(*id).is_none() => missing(),
+            Action::GoNear(id) | Action::Stop(Target::Object(id)) if situation.graph.object(*id).is_none() => missing(),
             Action::Explore(id) if situation.graph.place(*id).is_none() => missing(),
             Action::GoToRoom(id) => self.check_room(*id, action, situation),
             Action::Explore(id) => self.check_place(*id, action, situation),
             Action::GoNear(id) => self.check_approach(*id, action, situation),
             Action::Stop(Target::Room(id)) => {
                 if step.kind != StepKind::GoToRoom {
-                    return object(
-                        CritiqueCode::TargetMismatch,
-                        "This step ends at an object, not in a room.".into(),
-                    );
+                    return object(CritiqueCode::TargetMismatch, "This step ends at an object, not in a room.".into());
                 }
                 let known = candidates(situation, &self.grounding);
-                let chosen = known
-                    .chosen
-                    .is_some_and(|choice| choice.target == Target::Room(*id));
-                if !chosen
-                    && known
-                        .room_score(*id)
-                        .is_none_or(|score| score < self.grounding.accept_relation)
-                {
+                let chosen = known.chosen.is_some_and(|choice| choice.target == Target::Room(*id));
+                if !chosen && known.room_score(*id).is_none_or(|score| score < self.grounding.accept_relation) {
                     return object(
                         CritiqueCode::RoomFilteredOut,
                         format!("Nothing shows that {id} is the {}.", step.goal),
                     );
                 }
                 if !is_well_inside(situation, *id) {
-                    return object(
-                        CritiqueCode::NotThereYet,
-                        format!("The robot is not inside {id} yet."),
-                    );
+                    return object(CritiqueCode::NotThereYet, format!("The robot is not inside {id} yet."));
                 }
                 Ok(())
             }
@@ -178,17 +137,11 @@ impl Critic {
             Action::GiveUp { .. } => {
                 let known = candidates(situation, &self.grounding);
                 if known.chosen.is_some() {
-                    object(
-                        CritiqueCode::Premature,
-                        "A fitting target is known and reachable.".into(),
-                    )
+                    object(CritiqueCode::Premature, "A fitting target is known and reachable.".into())
                 } else if known.has_search_left() {
                     object(
                         CritiqueCode::Premature,
-                        format!(
-                            "{} reachable places are left to search.",
-                            known.places.len()
-                        ),
+                        format!("{} reachable places are left to search.", known.places.len()),
                     )
                 } else {
                     Ok(())
@@ -197,44 +150,24 @@ impl Critic {
         }
     }
 
-    fn check_room(
-        &self,
-        id: RoomId,
-        action: &Action,
-        situation: &Situation,
-    ) -> Result<(), Critique> {
-        let object = |code, message: String| {
-            Err(Critique {
-                code,
-                action: Some(action.clone()),
-                message,
-            })
-        };
+    fn check_room(&self, id: RoomId, action: &Action, situation: &Situation) -> Result<(), Critique> {
+        let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
         if situation.path_to_room(id).is_none() {
-            return object(
-                CritiqueCode::Unreachable,
-                format!("No free way leads to {id} with what is mapped so far."),
-            );
+            return object(CritiqueCode::Unreachable, format!("No free way leads to {id} with what is mapped so far."));
         }
         if is_well_inside(situation, id) {
-            return object(
-                CritiqueCode::Repeat,
-                format!("The robot is already in {id}."),
-            );
+            return object(CritiqueCode::Repeat, format!("The robot is already in {id}."));
         }
         let known = candidates(situation, &self.grounding);
-        let is_chosen = known
-            .chosen
-            .is_some_and(|choice| choice.target == Target::Room(id));
+        let is_chosen = known.chosen.is_some_and(|choice| choice.target == Target::Room(id));
         // With a named room found, another room is a detour; before that every room may lead there.
-        let found = known.rooms.first().is_some_and(|best| {
-            best.score >= self.grounding.accept_relation && best.path_m.is_some()
-        });
+        let found = known
+            .rooms
+            .first()
+            .is_some_and(|best| best.score >= self.grounding.accept_relation && best.path_m.is_some());
         if !is_chosen
             && found
-            && known
-                .room_score(id)
-                .is_some_and(|score| score < self.grounding.accept_relation)
+            && known.room_score(id).is_some_and(|score| score < self.grounding.accept_relation)
             && !leads_to_search(&known, id)
         {
             return object(
@@ -245,19 +178,8 @@ impl Critic {
         Ok(())
     }
 
-    fn check_place(
-        &self,
-        id: PlaceId,
-        action: &Action,
-        situation: &Situation,
-    ) -> Result<(), Critique> {
-        let object = |code, message: String| {
-            Err(Critique {
-                code,
-                action: Some(action.clone()),
-                message,
-            })
-        };
+    fn check_place(&self, id: PlaceId, action: &Action, situation: &Situation) -> Result<(), Critique> {
+        let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
         if !situation.frontiers.contains(&id) && !situation.unseen.contains(&id) {
             return object(
                 CritiqueCode::NothingToExplore,
@@ -265,118 +187,63 @@ impl Critic {
             );
         }
         let reachable = situation.graph.place(id).is_some_and(|place| {
-            (situation.path_length)(&place.position)
-                .is_some_and(|path_m| path_m.is_finite() && path_m >= 0.0)
+            (situation.path_length)(&place.position).is_some_and(|path_m| path_m.is_finite() && path_m >= 0.0)
         });
         if !reachable {
-            return object(
-                CritiqueCode::Unreachable,
-                format!("No free way leads to {id} with what is mapped so far."),
-            );
+            return object(CritiqueCode::Unreachable, format!("No free way leads to {id} with what is mapped so far."));
         }
         Ok(())
     }
 
     /// A thing may be approached if it may be meant, or is an anchor of what is meant.
-    fn check_approach(
-        &self,
-        id: ObjectId,
-        action: &Action,
-        situation: &Situation,
-    ) -> Result<(), Critique> {
-        let object = |code, message: String| {
-            Err(Critique {
-                code,
-                action: Some(action.clone()),
-                message,
-            })
-        };
+    fn check_approach(&self, id: ObjectId, action: &Action, situation: &Situation) -> Result<(), Critique> {
+        let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
         let Some(step) = situation.step() else {
             return Ok(());
         };
         if situation.path_to_object(id).is_none() {
-            return object(
-                CritiqueCode::Unreachable,
-                format!("No free way leads to {id} with what is mapped so far."),
-            );
+            return object(CritiqueCode::Unreachable, format!("No free way leads to {id} with what is mapped so far."));
         }
         let known = candidates(situation, &self.grounding);
-        if known
-            .chosen
-            .is_some_and(|choice| choice.target == Target::Object(id))
-        {
+        if known.chosen.is_some_and(|choice| choice.target == Target::Object(id)) {
             return Ok(());
         }
         let clear = known.chosen.is_some_and(|choice| !choice.is_guess);
-        let label = situation
-            .graph
-            .object(id)
-            .map(|object| Class::new(&object.label))
-            .unwrap_or_default();
+        let label = situation.graph.object(id).map(|object| Class::new(&object.label)).unwrap_or_default();
         let mut is_mentioned = false;
-        step.goal.visit(&mut |referring| {
-            is_mentioned |= class_similarity(&referring.class, &label) >= 0.5
-        });
+        step.goal.visit(&mut |referring| is_mentioned |= class_similarity(&referring.class, &label) >= 0.5);
         let Some(candidate) = known.object(id) else {
             if is_mentioned && !clear {
                 return Ok(()); // an anchor: looking there is a sensible search
             }
-            return object(
-                CritiqueCode::TargetMismatch,
-                format!("{id} is a {}, not a {}.", label.text, step.goal),
-            );
+            return object(CritiqueCode::TargetMismatch, format!("{id} is a {}, not a {}.", label.text, step.goal));
         };
         if candidate.found.room < 0.2 {
-            return object(
-                CritiqueCode::RoomFilteredOut,
-                format!("{id} is not in the room the instruction names."),
-            );
+            return object(CritiqueCode::RoomFilteredOut, format!("{id} is not in the room the instruction names."));
         }
         if clear && !candidate.is_accepted {
             return object(
                 CritiqueCode::TargetMismatch,
-                format!(
-                    "{id} does not fit \"{}\", and another object does.",
-                    step.goal
-                ),
+                format!("{id} does not fit \"{}\", and another object does.", step.goal),
             );
         }
         Ok(())
     }
 
-    fn check_stop(
-        &self,
-        id: ObjectId,
-        action: &Action,
-        situation: &Situation,
-    ) -> Result<(), Critique> {
-        let object = |code, message: String| {
-            Err(Critique {
-                code,
-                action: Some(action.clone()),
-                message,
-            })
-        };
+    fn check_stop(&self, id: ObjectId, action: &Action, situation: &Situation) -> Result<(), Critique> {
+        let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
         let Some(step) = situation.step() else {
             return Ok(());
         };
         if step.kind != StepKind::FindObject {
-            return object(
-                CritiqueCode::TargetMismatch,
-                "This step ends in a room, not at an object.".into(),
-            );
+            return object(CritiqueCode::TargetMismatch, "This step ends in a room, not at an object.".into());
         }
         let known = candidates(situation, &self.grounding);
-        let is_chosen = known
-            .chosen
-            .is_some_and(|choice| choice.target == Target::Object(id));
+        let is_chosen = known.chosen.is_some_and(|choice| choice.target == Target::Object(id));
         if !is_chosen {
             match known.object(id) {
                 None => {
-                    return object(
-                        CritiqueCode::TargetMismatch,
-                        format!("{id} is not a {}.", step.goal.class.text),
-                    );
+                    return object(CritiqueCode::TargetMismatch, format!("{id} is not a {}.", step.goal.class.text));
                 }
                 Some(candidate) if candidate.found.room < self.grounding.accept_relation => {
                     return object(
@@ -387,10 +254,7 @@ impl Critic {
                 Some(candidate) if !candidate.is_accepted => {
                     return object(
                         CritiqueCode::TargetMismatch,
-                        format!(
-                            "{id} does not fit \"{}\" by the relations of the graph.",
-                            step.goal
-                        ),
+                        format!("{id} does not fit \"{}\" by the relations of the graph.", step.goal),
                     );
                 }
                 // Another one is chosen: fine only if this one is as good (two mugs on the table).
@@ -404,10 +268,7 @@ impl Critic {
                     if known.chosen.is_none() || candidate.found.total < 0.8 * best {
                         return object(
                             CritiqueCode::TargetMismatch,
-                            format!(
-                                "another object fits \"{}\" better, or the search is not over.",
-                                step.goal
-                            ),
+                            format!("another object fits \"{}\" better, or the search is not over.", step.goal),
                         );
                     }
                 }

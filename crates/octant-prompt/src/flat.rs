@@ -21,26 +21,14 @@ pub fn flat_text(graph: &SceneGraph, instruction: &str) -> String {
 }
 
 /// The same in body coordinates (Eq. 8): egocentric but flat.
-pub fn flat_text_in_body(
-    graph: &SceneGraph,
-    world_from_body: &Isometry3<f64>,
-    instruction: &str,
-) -> String {
-    lines(graph, instruction, |point| {
-        point_in_body(world_from_body, point)
-    })
+pub fn flat_text_in_body(graph: &SceneGraph, world_from_body: &Isometry3<f64>, instruction: &str) -> String {
+    lines(graph, instruction, |point| point_in_body(world_from_body, point))
 }
 
-fn lines(
-    graph: &SceneGraph,
-    instruction: &str,
-    place: impl Fn(&Point3<f64>) -> Point3<f64>,
-) -> String {
+fn lines(graph: &SceneGraph, instruction: &str, place: impl Fn(&Point3<f64>) -> Point3<f64>) -> String {
     let lines = graph.objects().map(|object| {
         let p = place(&object.centroid);
-        let room = object
-            .room
-            .map_or_else(|| "none".to_string(), |room| room.0.to_string());
+        let room = object.room.map_or_else(|| "none".to_string(), |room| room.0.to_string());
         format!(
             "- id {}: {} at ({:.2}, {:.2}, {:.2}), room {room}: {}.",
             object.id.0, object.label, p.x, p.y, p.z, object.caption
@@ -51,10 +39,7 @@ fn lines(
 
 fn framed(lines: impl Iterator<Item = String>, instruction: &str) -> String {
     let lines: Vec<String> = lines.collect();
-    format!(
-        "Objects:\n{}\nInstruction: {instruction}\nAnswer with the object id.",
-        lines.join("\n")
-    )
+    format!("Objects:\n{}\nInstruction: {instruction}\nAnswer with the object id.", lines.join("\n"))
 }
 
 fn round2(value: f64) -> f64 {

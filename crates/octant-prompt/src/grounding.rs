@@ -14,8 +14,7 @@ use crate::instruction::{
 };
 use crate::relations::{Shape, Viewer, between_score, nearness_key_m, relation_score};
 use crate::vocabulary::{
-    Class, class_similarity, color_rgb, is_container, kind_probabilities, kind_similarity,
-    material, normalise,
+    Class, class_similarity, color_rgb, is_container, kind_probabilities, kind_similarity, material, normalise,
 };
 
 /// What counts as "yes".
@@ -33,12 +32,7 @@ pub struct GroundingConfig {
 
 impl Default for GroundingConfig {
     fn default() -> Self {
-        GroundingConfig {
-            accept: 0.6,
-            accept_relation: 0.5,
-            accept_attributes: 0.4,
-            accept_at_last: 0.12,
-        }
+        GroundingConfig { accept: 0.6, accept_relation: 0.5, accept_attributes: 0.4, accept_at_last: 0.12 }
     }
 }
 
@@ -50,17 +44,8 @@ pub struct GroundingConfigError;
 impl GroundingConfig {
     /// Checks that every threshold is in [0, 1].
     pub fn validate(&self) -> Result<(), GroundingConfigError> {
-        let all = [
-            self.accept,
-            self.accept_relation,
-            self.accept_attributes,
-            self.accept_at_last,
-        ];
-        if all.iter().all(|value| (0.0..=1.0).contains(value)) {
-            Ok(())
-        } else {
-            Err(GroundingConfigError)
-        }
+        let all = [self.accept, self.accept_relation, self.accept_attributes, self.accept_at_last];
+        if all.iter().all(|value| (0.0..=1.0).contains(value)) { Ok(()) } else { Err(GroundingConfigError) }
     }
 }
 
@@ -119,15 +104,9 @@ pub struct Scene {
 impl Scene {
     /// Reads a scene graph. `floor` is the storey the robot is on. Movers (people) are left out as targets only by their class.
     pub fn from_graph(graph: &SceneGraph, floor: i32) -> Scene {
-        let mut scene = Scene {
-            floor,
-            ..Scene::default()
-        };
-        let room_index: HashMap<RoomId, usize> = graph
-            .rooms()
-            .enumerate()
-            .map(|(index, room)| (room.id, index))
-            .collect();
+        let mut scene = Scene { floor, ..Scene::default() };
+        let room_index: HashMap<RoomId, usize> =
+            graph.rooms().enumerate().map(|(index, room)| (room.id, index)).collect();
         let mut contents: Vec<Vec<u32>> = vec![Vec::new(); room_index.len()];
         for object in graph.objects() {
             let top = object.votes.values().copied().fold(0.0, f64::max);
@@ -161,17 +140,11 @@ impl Scene {
         for (room, mut seen) in graph.rooms().zip(contents) {
             seen.sort_unstable();
             seen.dedup();
-            let seen: Vec<Class> = seen
-                .into_iter()
-                .map(|index| scene.classes[index as usize].clone())
-                .collect();
+            let seen: Vec<Class> = seen.into_iter().map(|index| scene.classes[index as usize].clone()).collect();
             scene.rooms.push(RoomFacts {
                 id: room.id,
                 name: normalise(&room.name),
-                kind: room
-                    .kind
-                    .as_ref()
-                    .map(|kind| (normalise(kind), room.kind_confidence)),
+                kind: room.kind.as_ref().map(|kind| (normalise(kind), room.kind_confidence)),
                 probabilities: kind_probabilities(&seen),
                 floor: room.floor,
             });
@@ -192,10 +165,7 @@ impl Scene {
 
     /// The room with this id.
     pub fn room(&self, id: RoomId) -> Option<&RoomFacts> {
-        self.rooms
-            .binary_search_by(|room| room.id.cmp(&id))
-            .ok()
-            .map(|index| &self.rooms[index])
+        self.rooms.binary_search_by(|room| room.id.cmp(&id)).ok().map(|index| &self.rooms[index])
     }
 }
 
@@ -248,12 +218,7 @@ pub fn ground(goal: &Referring, scene: &Scene, viewer_position: &Point3<f64>) ->
 }
 
 /// How well a room answers to a reference, in [0, 1].
-pub fn room_score(
-    reference: &RoomReference,
-    room: usize,
-    scene: &Scene,
-    viewer_position: &Point3<f64>,
-) -> f64 {
+pub fn room_score(reference: &RoomReference, room: usize, scene: &Scene, viewer_position: &Point3<f64>) -> f64 {
     let facts = &scene.rooms[room];
     let contents: f64 = reference
         .contains
@@ -272,24 +237,21 @@ pub fn room_score(
     } else if facts.name == reference.name {
         0.98 // a kind may be a guess, and so may a name made from it
     } else if let Some(kind) = &reference.kind {
-        let by_contents = facts
-            .probabilities
-            .iter()
-            .find(|(name, _)| name == kind)
-            .map_or(0.0, |(_, p)| *p);
-        let by_graph = match &facts.kind {
+        let by_contents = facts.probabilities.iter().find(|(name, _)| name == kind).map_or(0.0, |(_, p)| *p);
+        match &facts.kind {
             Some((actual, confidence)) => {
                 let actual = crate::vocabulary::room_kind(actual).unwrap_or(actual.as_str());
                 let similarity = kind_similarity(kind, actual);
                 if similarity >= 1.0 {
                     0.35 + 0.65 * confidence
                 } else {
-                    similarity * confidence
+                    // The graph says otherwise; the contents count for what that leaves.
+                    (similarity * confidence).max((1.0 - confidence) * by_contents)
                 }
             }
-            None => 0.0,
-        };
-        by_graph.max(by_contents)
+            // Our own count of the contents, where the graph would not say: one or two things prove little.
+            None => 0.8 * by_contents,
+        }
     } else {
         0.02
     };
@@ -297,18 +259,11 @@ pub fn room_score(
 }
 
 fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Vec<Match> {
-    let similarity: Vec<f64> = scene
-        .classes
-        .iter()
-        .map(|class| class_similarity(&goal.class, class))
-        .collect();
+    let similarity: Vec<f64> = scene.classes.iter().map(|class| class_similarity(&goal.class, class)).collect();
     let mut found: Vec<Match> = Vec::new();
     for (index, thing) in scene.things.iter().enumerate() {
-        let class = thing
-            .classes
-            .iter()
-            .map(|(class, weight)| similarity[*class as usize] * weight)
-            .fold(0.0, f64::max);
+        let class =
+            thing.classes.iter().map(|(class, weight)| similarity[*class as usize] * weight).fold(0.0, f64::max);
         if class > 0.05 {
             found.push(Match {
                 id: thing.id,
@@ -330,14 +285,10 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         each.attributes = goal
             .attributes
             .iter()
-            .map(|attribute| {
-                attribute_score(attribute.kind, &attribute.word, attribute.negated, thing)
-            })
+            .map(|attribute| attribute_score(attribute.kind, &attribute.word, attribute.negated, thing))
             .product();
         // A thing that no room holds yet may stand in any.
-        each.room = room_scores
-            .as_ref()
-            .map_or(1.0, |scores| thing.room.map_or(0.4, |room| scores[room]));
+        each.room = room_scores.as_ref().map_or(1.0, |scores| thing.room.map_or(0.4, |room| scores[room]));
         each.total *= each.attributes * each.room;
     }
     for clause in &goal.relations {
@@ -353,21 +304,15 @@ fn rooms(goal: &Referring, scene: &Scene, viewer: &Viewer) -> Option<Vec<f64>> {
         return None;
     }
     let score = |room: usize| {
-        let named = goal.room.as_ref().map_or(1.0, |reference| {
-            room_score(reference, room, scene, &viewer.position)
-        });
+        let named = goal.room.as_ref().map_or(1.0, |reference| room_score(reference, room, scene, &viewer.position));
         let excluded: f64 = goal
             .excluded_rooms
             .iter()
             .map(|reference| 1.0 - room_score(reference, room, scene, &viewer.position))
             .product();
-        let storey = goal.floor.map_or(1.0, |floor| {
-            if floor.resolve(scene.floor) == scene.rooms[room].floor {
-                1.0
-            } else {
-                0.05
-            }
-        });
+        let storey = goal
+            .floor
+            .map_or(1.0, |floor| if floor.resolve(scene.floor) == scene.rooms[room].floor { 1.0 } else { 0.05 });
         named * excluded * storey
     };
     Some((0..scene.rooms.len()).map(score).collect())
@@ -393,42 +338,27 @@ fn attribute_score(kind: AttributeKind, word: &str, negated: bool, thing: &Thing
         }
         AttributeKind::Size(_) => return 1.0, // among the candidates, see `extremes`
         AttributeKind::Other => {
-            let said = thing.words.split(' ').any(|other| other == word)
-                || thing.words.contains(word) && word.contains(' ');
+            let said =
+                thing.words.split(' ').any(|other| other == word) || thing.words.contains(word) && word.contains(' ');
             if said { 0.97 } else { 0.6 }
         }
     };
-    if negated {
-        1.02 - score.max(0.02)
-    } else {
-        score
-    }
+    if negated { 1.02 - score.max(0.02) } else { score }
 }
 
 /// Colour by name where a name is known, else by the mean colour; both where both are known.
 fn color_score(word: &str, thing: &Thing) -> Option<f64> {
     let wanted = color_rgb(word)?;
     // Captions open with the thing itself; later words are about its surroundings.
-    let in_caption = || {
-        thing
-            .words
-            .split(' ')
-            .take(8)
-            .find(|said| color_rgb(said).is_some())
-    };
-    let named = thing
-        .color_name
-        .as_deref()
-        .filter(|name| color_rgb(name).is_some())
-        .or_else(in_caption)
-        .map(|name| {
-            if name == word {
-                1.0
-            } else {
-                let rgb = color_rgb(name).expect("filtered above");
-                0.6 * color_closeness(&wanted, &rgb)
-            }
-        });
+    let in_caption = || thing.words.split(' ').take(8).find(|said| color_rgb(said).is_some());
+    let named = thing.color_name.as_deref().filter(|name| color_rgb(name).is_some()).or_else(in_caption).map(|name| {
+        if name == word {
+            1.0
+        } else {
+            let rgb = color_rgb(name).expect("filtered above");
+            0.4 * color_closeness(&wanted, &rgb)
+        }
+    });
     let measured = thing.color.map(|rgb| color_closeness(&wanted, &rgb));
     match (named, measured) {
         (Some(named), Some(measured)) => Some(0.75 * named + 0.25 * measured),
@@ -438,55 +368,22 @@ fn color_score(word: &str, thing: &Thing) -> Option<f64> {
 
 /// 1 for equal colours, 0.5 at a distance of about 60 in a space of lightness (counted half, it follows the lamp) and two opponent axes.
 fn color_closeness(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let opponent = |c: &[f64; 3]| {
-        [
-            0.5 * (c[0] + c[1] + c[2]) / 3.0,
-            c[0] - c[1],
-            0.5 * (c[0] + c[1]) - c[2],
-        ]
-    };
+    let opponent = |c: &[f64; 3]| [0.5 * (c[0] + c[1] + c[2]) / 3.0, c[0] - c[1], 0.5 * (c[0] + c[1]) - c[2]];
     let (a, b) = (opponent(a), opponent(b));
-    let distance = a
-        .iter()
-        .zip(b)
-        .map(|(x, y)| (x - y).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let distance = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
     1.0 / (1.0 + (distance / 60.0).powi(2))
 }
 
 /// Multiplies the score of one relation clause into every candidate.
-fn relate(
-    clause: &RelationClause,
-    found: &mut [Match],
-    scene: &Scene,
-    viewer: &Viewer,
-    depth: usize,
-) {
-    let anchors: Vec<Vec<Match>> = clause
-        .anchors
-        .iter()
-        .map(|anchor| matches(anchor, scene, viewer, depth + 1))
-        .collect();
+fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+    let anchors: Vec<Vec<Match>> =
+        clause.anchors.iter().map(|anchor| matches(anchor, scene, viewer, depth + 1)).collect();
     let scores: Vec<f64> = match clause.relation {
-        SpatialRelation::Between => found
-            .iter()
-            .map(|each| between(each, &anchors, scene))
-            .collect(),
-        SpatialRelation::Closest | SpatialRelation::Farthest => {
-            closest(clause.relation, found, &anchors, scene)
-        }
+        SpatialRelation::Between => found.iter().map(|each| between(each, &anchors, scene)).collect(),
+        SpatialRelation::Closest | SpatialRelation::Farthest => closest(clause.relation, found, &anchors, scene),
         relation => found
             .iter()
-            .map(|each| {
-                best_anchor(
-                    relation,
-                    each,
-                    anchors.first().map_or(&[], Vec::as_slice),
-                    scene,
-                    viewer,
-                )
-            })
+            .map(|each| best_anchor(relation, each, anchors.first().map_or(&[], Vec::as_slice), scene, viewer))
             .collect(),
     };
     for (each, score) in found.iter_mut().zip(scores) {
@@ -501,20 +398,11 @@ fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {
     Shape {
         bounds: &thing.bounds,
         front: thing.front,
-        is_container: thing
-            .classes
-            .first()
-            .is_some_and(|(class, _)| is_container(&scene.classes[*class as usize])),
+        is_container: thing.classes.first().is_some_and(|(class, _)| is_container(&scene.classes[*class as usize])),
     }
 }
 
-fn best_anchor(
-    relation: SpatialRelation,
-    each: &Match,
-    anchors: &[Match],
-    scene: &Scene,
-    viewer: &Viewer,
-) -> f64 {
+fn best_anchor(relation: SpatialRelation, each: &Match, anchors: &[Match], scene: &Scene, viewer: &Viewer) -> f64 {
     let subject = &scene.things[each.index];
     let subject_shape = shape(subject, scene);
     let score = |anchor: &Match| {
@@ -522,12 +410,7 @@ fn best_anchor(
         let score = relation_score(relation, &subject_shape, &shape(thing, scene), viewer);
         // A wall between two rooms: close in metres, not near.
         let apart = matches!((subject.room, thing.room), (Some(a), Some(b)) if a != b);
-        anchor.total
-            * if apart && relation != SpatialRelation::Far {
-                0.4 * score
-            } else {
-                score
-            }
+        anchor.total * if apart && relation != SpatialRelation::Far { 0.4 * score } else { score }
     };
     let others = anchors.iter().filter(|anchor| anchor.index != each.index);
     if relation == SpatialRelation::Far {
@@ -549,10 +432,7 @@ fn between(each: &Match, anchors: &[Vec<Match>], scene: &Scene) -> f64 {
         [] => return 0.0,
     };
     let best = |anchors: &[Match]| {
-        let mut best: Vec<(f64, usize)> = anchors
-            .iter()
-            .map(|anchor| (anchor.total, anchor.index))
-            .collect();
+        let mut best: Vec<(f64, usize)> = anchors.iter().map(|anchor| (anchor.total, anchor.index)).collect();
         best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         best.truncate(MAX_ANCHORS);
         best
@@ -564,9 +444,7 @@ fn between(each: &Match, anchors: &[Vec<Match>], scene: &Scene) -> f64 {
         for &(weight_b, b) in &second {
             if a != b && a != each.index && b != each.index {
                 top = top.max(
-                    weight_a
-                        * weight_b
-                        * between_score(subject, &scene.things[a].bounds, &scene.things[b].bounds),
+                    weight_a * weight_b * between_score(subject, &scene.things[a].bounds, &scene.things[b].bounds),
                 );
             }
         }
@@ -575,36 +453,17 @@ fn between(each: &Match, anchors: &[Vec<Match>], scene: &Scene) -> f64 {
 }
 
 /// Score by how much farther from the anchor a candidate is than the best one; `Farthest` mirrored.
-fn closest(
-    relation: SpatialRelation,
-    found: &[Match],
-    anchors: &[Vec<Match>],
-    scene: &Scene,
-) -> Vec<f64> {
+fn closest(relation: SpatialRelation, found: &[Match], anchors: &[Vec<Match>], scene: &Scene) -> Vec<f64> {
     let anchors: &[Match] = anchors.first().map_or(&[], Vec::as_slice);
-    let top = anchors
-        .iter()
-        .map(|anchor| anchor.total)
-        .fold(0.0, f64::max);
-    let sign = if relation == SpatialRelation::Closest {
-        1.0
-    } else {
-        -1.0
-    };
+    let top = anchors.iter().map(|anchor| anchor.total).fold(0.0, f64::max);
+    let sign = if relation == SpatialRelation::Closest { 1.0 } else { -1.0 };
     let keys: Vec<f64> = found
         .iter()
         .map(|each| {
             // Of several anchors of equal worth the nearest counts.
-            let worthy = anchors
-                .iter()
-                .filter(|anchor| anchor.index != each.index && anchor.total >= 0.7 * top);
+            let worthy = anchors.iter().filter(|anchor| anchor.index != each.index && anchor.total >= 0.7 * top);
             worthy
-                .map(|anchor| {
-                    nearness_key_m(
-                        &scene.things[each.index].bounds,
-                        &scene.things[anchor.index].bounds,
-                    )
-                })
+                .map(|anchor| nearness_key_m(&scene.things[each.index].bounds, &scene.things[anchor.index].bounds))
                 .fold(f64::INFINITY, f64::min)
                 * sign
         })
@@ -618,11 +477,8 @@ fn closest(
         .map(|(key, _)| *key)
         .fold(f64::INFINITY, f64::min);
     // The best of all may still be far away; then a robot that has not seen everything had better look on.
-    let absolute = if relation == SpatialRelation::Closest {
-        0.35 + 0.65 / (1.0 + (best.max(0.0) / 2.5).powi(3))
-    } else {
-        1.0
-    };
+    let absolute =
+        if relation == SpatialRelation::Closest { 0.35 + 0.65 / (1.0 + (best.max(0.0) / 2.5).powi(3)) } else { 1.0 };
     keys.iter()
         .map(|key| {
             if key.is_finite() && best.is_finite() {
@@ -636,66 +492,41 @@ fn closest(
 
 /// Superlatives, sizes and ordinals, among the candidates that the rest of the expression leaves.
 fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer) {
-    let sizes = goal
-        .attributes
-        .iter()
-        .filter_map(|attribute| match attribute.kind {
-            AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
-            _ => None,
-        });
-    let strong = goal
-        .superlatives
-        .iter()
-        .map(|superlative| (*superlative, 3.0));
+    let sizes = goal.attributes.iter().filter_map(|attribute| match attribute.kind {
+        AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
+        _ => None,
+    });
+    let strong = goal.superlatives.iter().map(|superlative| (*superlative, 3.0));
     let wanted: Vec<(Superlative, f64)> = strong.chain(sizes).collect();
     if wanted.is_empty() && goal.ordinal.is_none() {
         return;
     }
     let best = found.iter().map(|each| each.total).fold(0.0, f64::max);
-    let remaining: Vec<usize> = (0..found.len())
-        .filter(|index| found[*index].total >= 0.5 * best)
-        .collect();
+    let remaining: Vec<usize> = (0..found.len()).filter(|index| found[*index].total >= 0.5 * best).collect();
     if remaining.len() < 2 {
         return;
     }
-    let order = goal
-        .superlatives
-        .first()
-        .copied()
-        .unwrap_or(Superlative::Nearest);
+    let order = goal.superlatives.first().copied().unwrap_or(Superlative::Nearest);
     let order_keys = keys(order, &remaining, found, scene, viewer);
     for (superlative, strength) in wanted {
         if goal.ordinal.is_some() && strength > 1.0 && superlative == order {
             continue; // it is the direction of counting
         }
         let keys = keys(superlative, &remaining, found, scene, viewer);
-        let (low, high) = keys
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), key| {
-                (low.min(*key), high.max(*key))
-            });
+        let (low, high) =
+            keys.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), key| (low.min(*key), high.max(*key)));
         let span = (high - low).max(1e-9);
         for (&index, key) in remaining.iter().zip(&keys) {
-            let rank = if strength < 0.0 {
-                (high - key) / span
-            } else {
-                (key - low) / span
-            };
+            let rank = if strength < 0.0 { (high - key) / span } else { (key - low) / span };
             found[index].total *= (-strength.abs() * rank).exp();
         }
     }
     if let Some(ordinal) = goal.ordinal {
-        let mut sorted: Vec<(f64, usize)> = order_keys
-            .into_iter()
-            .zip(remaining)
-            .map(|(key, index)| (key, index))
-            .collect();
+        let mut sorted: Vec<(f64, usize)> =
+            order_keys.into_iter().zip(remaining).map(|(key, index)| (key, index)).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let wanted = if ordinal == u32::MAX {
-            sorted.len() - 1
-        } else {
-            (ordinal.max(1) as usize - 1).min(sorted.len() - 1)
-        };
+        let wanted =
+            if ordinal == u32::MAX { sorted.len() - 1 } else { (ordinal.max(1) as usize - 1).min(sorted.len() - 1) };
         for (position, (_, index)) in sorted.into_iter().enumerate() {
             if position != wanted {
                 found[index].total *= 0.1;
@@ -705,23 +536,10 @@ fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewe
 }
 
 /// The key by which a superlative orders: the wanted end is the least.
-fn keys(
-    superlative: Superlative,
-    remaining: &[usize],
-    found: &[Match],
-    scene: &Scene,
-    viewer: &Viewer,
-) -> Vec<f64> {
-    let boxes: Vec<&Aabb> = remaining
-        .iter()
-        .map(|index| &scene.things[found[*index].index].bounds)
-        .collect();
+fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
+    let boxes: Vec<&Aabb> = remaining.iter().map(|index| &scene.things[found[*index].index].bounds).collect();
     let middle = Point3::from(
-        boxes
-            .iter()
-            .map(|bounds| bounds.center().coords)
-            .sum::<nalgebra::Vector3<f64>>()
-            / boxes.len() as f64,
+        boxes.iter().map(|bounds| bounds.center().coords).sum::<nalgebra::Vector3<f64>>() / boxes.len() as f64,
     );
     let forward = viewer.forward_to(&middle);
     let left = Vector2::new(-forward.y, forward.x);
@@ -729,12 +547,8 @@ fn keys(
         let (center, sides) = (bounds.center(), bounds.sides_m());
         let offset = (center - viewer.position).xy();
         match superlative {
-            Superlative::Nearest | Superlative::Frontmost => {
-                bounds.distance_to_point_m(&viewer.position)
-            }
-            Superlative::Farthest | Superlative::Backmost => {
-                -bounds.distance_to_point_m(&viewer.position)
-            }
+            Superlative::Nearest | Superlative::Frontmost => bounds.distance_to_point_m(&viewer.position),
+            Superlative::Farthest | Superlative::Backmost => -bounds.distance_to_point_m(&viewer.position),
             Superlative::Largest => -bounds.volume_m3().max(1e-9).cbrt(),
             Superlative::Smallest => bounds.volume_m3().max(1e-9).cbrt(),
             Superlative::Tallest => -sides.z,
@@ -754,22 +568,14 @@ fn keys(
 
 /// Distance from the middle of all things along both axes: large in the corners.
 fn corner_key_m(bounds: &Aabb, scene: &Scene) -> f64 {
-    let all = scene
-        .things
-        .iter()
-        .map(|thing| thing.bounds)
-        .reduce(|a, b| a.union(&b))
-        .unwrap_or(*bounds);
+    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b)).unwrap_or(*bounds);
     let offset = (bounds.center() - all.center()).xy();
     offset.x.abs().min(offset.y.abs())
 }
 
 /// The viewer of an expression: from its view clause, else at `position`, looking at each anchor.
 fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer {
-    let plain = Viewer {
-        position: *position,
-        forward: None,
-    };
+    let plain = Viewer { position: *position, forward: None };
     let Some(view) = &goal.view else { return plain };
     let mut seen = matches(&view.anchor, scene, &plain, 1);
     seen.sort_by(|a, b| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id)));
@@ -779,17 +585,8 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     let anchor = scene.things[best.index].bounds.center();
     let towards = (anchor - position).xy();
     match view.kind {
-        ViewKind::Facing => Viewer {
-            position: *position,
-            forward: Some(towards),
-        },
-        ViewKind::BackTo => Viewer {
-            position: *position,
-            forward: Some(-towards),
-        },
-        ViewKind::From => Viewer {
-            position: anchor,
-            forward: Some(-towards),
-        },
+        ViewKind::Facing => Viewer { position: *position, forward: Some(towards) },
+        ViewKind::BackTo => Viewer { position: *position, forward: Some(-towards) },
+        ViewKind::From => Viewer { position: anchor, forward: Some(-towards) },
     }
 }

@@ -99,18 +99,13 @@ impl Referring {
 impl fmt::Display for Referring {
     /// The expression in plain words, for traces and reasons: `red mug near (sink) in the kitchen`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut words: Vec<String> = self
-            .superlatives
-            .iter()
-            .map(|superlative| superlative.word().to_string())
-            .collect();
-        words.extend(self.attributes.iter().map(|attribute| {
-            format!(
-                "{}{}",
-                if attribute.negated { "not " } else { "" },
-                attribute.word
-            )
-        }));
+        let mut words: Vec<String> =
+            self.superlatives.iter().map(|superlative| superlative.word().to_string()).collect();
+        words.extend(
+            self.attributes
+                .iter()
+                .map(|attribute| format!("{}{}", if attribute.negated { "not " } else { "" }, attribute.word)),
+        );
         if !self.class.text.is_empty() {
             words.push(self.class.text.clone());
         }
@@ -118,13 +113,7 @@ impl fmt::Display for Referring {
             let anchors: Vec<String> = clause
                 .anchors
                 .iter()
-                .map(|anchor| {
-                    if anchor.relations.is_empty() {
-                        anchor.to_string()
-                    } else {
-                        format!("({anchor})")
-                    }
-                })
+                .map(|anchor| if anchor.relations.is_empty() { anchor.to_string() } else { format!("({anchor})") })
                 .collect();
             words.push(format!(
                 "{}{} {}",
@@ -133,18 +122,14 @@ impl fmt::Display for Referring {
                 anchors.join(" and ")
             ));
         }
-        words.extend(self.room.iter().map(|room| {
-            if self.class.text.is_empty() {
-                room.to_string()
-            } else {
-                format!("in the {room}")
-            }
-        }));
         words.extend(
-            self.excluded_rooms
-                .iter()
-                .map(|room| format!("not in the {room}")),
+            self.room.iter().map(
+                |room| {
+                    if self.class.text.is_empty() { room.to_string() } else { format!("in the {room}") }
+                },
+            ),
         );
+        words.extend(self.excluded_rooms.iter().map(|room| format!("not in the {room}")));
         f.write_str(&words.join(" "))
     }
 }
@@ -309,11 +294,7 @@ pub struct RoomReference {
 
 impl fmt::Display for RoomReference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.name.is_empty() {
-            "room"
-        } else {
-            &self.name
-        })?;
+        f.write_str(if self.name.is_empty() { "room" } else { &self.name })?;
         for content in &self.contains {
             write!(f, " with {content}")?;
         }

@@ -83,21 +83,12 @@ pub fn tokens(text: &str) -> Vec<Token> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < words.len() && out.len() < MAX_TOKENS {
-        let longest = (1..=MAX_PHRASE_WORDS.min(words.len() - at))
-            .rev()
-            .find_map(|count| {
-                let phrase = words[at..at + count].join(" ");
-                PHRASES
-                    .get(phrase.as_str())
-                    .map(|mark| (count, *mark, phrase))
-            });
-        let (count, mark, phrase) = longest.unwrap_or_else(|| {
-            (
-                1,
-                mark_of_punctuation_or_word(&words[at]),
-                words[at].clone(),
-            )
+        let longest = (1..=MAX_PHRASE_WORDS.min(words.len() - at)).rev().find_map(|count| {
+            let phrase = words[at..at + count].join(" ");
+            PHRASES.get(phrase.as_str()).map(|mark| (count, *mark, phrase))
         });
+        let (count, mark, phrase) =
+            longest.unwrap_or_else(|| (1, mark_of_punctuation_or_word(&words[at]), words[at].clone()));
         at += count;
         match mark {
             None => {} // a filler such as "please"
@@ -190,25 +181,11 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         ),
         (
             Mark::Relation(R::Far),
-            &[
-                "far from",
-                "far away from",
-                "away from",
-                "not near",
-                "not close to",
-                "not next to",
-            ],
+            &["far from", "far away from", "away from", "not near", "not close to", "not next to"],
         ),
         (
             Mark::Relation(R::Closest),
-            &[
-                "closest to",
-                "nearest to",
-                "the closest to",
-                "the nearest to",
-                "most close to",
-                "closest",
-            ],
+            &["closest to", "nearest to", "the closest to", "the nearest to", "most close to", "closest"],
         ),
         (
             Mark::Relation(R::Farthest),
@@ -376,17 +353,7 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
                 "directly across from",
             ],
         ),
-        (
-            Mark::In,
-            &[
-                "in",
-                "inside",
-                "within",
-                "inside of",
-                "into",
-                "in the inside of",
-            ],
-        ),
+        (Mark::In, &["in", "inside", "within", "inside of", "into", "in the inside of"]),
         (
             Mark::With,
             &[
@@ -459,9 +426,8 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (
             Mark::Determiner,
             &[
-                "the", "a", "an", "some", "this", "these", "those", "any", "its", "their", "my",
-                "your", "our", "another", "other", "each", "every", "both", "either", "all", "his",
-                "her",
+                "the", "a", "an", "some", "this", "these", "those", "any", "its", "their", "my", "your", "our",
+                "another", "other", "each", "every", "both", "either", "all", "his", "her",
             ],
         ),
         (
@@ -531,16 +497,7 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
             ],
         ),
         (Mark::Of, &["of", "out of"]),
-        (
-            Mark::From,
-            &[
-                "from",
-                "starting from",
-                "counting from",
-                "when counted from",
-                "to",
-            ],
-        ),
+        (Mark::From, &["from", "starting from", "counting from", "when counted from", "to"]),
         (Mark::One, &["one", "ones"]),
         (
             Mark::Verb,
@@ -740,40 +697,18 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
                 "standing near",
             ],
         ),
-        (
-            Mark::Superlative(S::Nearest),
-            &["nearest", "closest one", "nearest one", "closest by"],
-        ),
+        (Mark::Superlative(S::Nearest), &["nearest", "closest one", "nearest one", "closest by"]),
         (
             Mark::Superlative(S::Farthest),
-            &[
-                "farthest",
-                "furthest",
-                "most distant",
-                "farthest away",
-                "furthest away",
-                "far",
-            ],
+            &["farthest", "furthest", "most distant", "farthest away", "furthest away", "far"],
         ),
-        (
-            Mark::Superlative(S::Largest),
-            &["largest", "biggest", "larger", "bigger", "greatest"],
-        ),
-        (
-            Mark::Superlative(S::Smallest),
-            &["smallest", "littlest", "tiniest", "smaller"],
-        ),
+        (Mark::Superlative(S::Largest), &["largest", "biggest", "larger", "bigger", "greatest"]),
+        (Mark::Superlative(S::Smallest), &["smallest", "littlest", "tiniest", "smaller"]),
         (Mark::Superlative(S::Tallest), &["tallest", "taller"]),
         (Mark::Superlative(S::Shortest), &["shortest", "shorter"]),
         (Mark::Superlative(S::Longest), &["longest", "longer"]),
-        (
-            Mark::Superlative(S::Widest),
-            &["widest", "wider", "broadest"],
-        ),
-        (
-            Mark::Superlative(S::Narrowest),
-            &["narrowest", "thinnest", "thinner", "narrower", "skinnier"],
-        ),
+        (Mark::Superlative(S::Widest), &["widest", "wider", "broadest"]),
+        (Mark::Superlative(S::Narrowest), &["narrowest", "thinnest", "thinner", "narrower", "skinnier"]),
         (
             Mark::Superlative(S::Highest),
             &[
@@ -789,17 +724,7 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
                 "higher up",
             ],
         ),
-        (
-            Mark::Superlative(S::Lowest),
-            &[
-                "lowest",
-                "bottommost",
-                "lower",
-                "bottom",
-                "at the bottom",
-                "on the bottom",
-            ],
-        ),
+        (Mark::Superlative(S::Lowest), &["lowest", "bottommost", "lower", "bottom", "at the bottom", "on the bottom"]),
         (
             Mark::Superlative(S::Leftmost),
             &[
@@ -859,25 +784,11 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         ),
         (
             Mark::Superlative(S::Frontmost),
-            &[
-                "frontmost",
-                "front most",
-                "in front",
-                "in the front",
-                "at the front",
-                "up front",
-            ],
+            &["frontmost", "front most", "in front", "in the front", "at the front", "up front"],
         ),
         (
             Mark::Superlative(S::Backmost),
-            &[
-                "backmost",
-                "back most",
-                "at the back",
-                "in the back",
-                "rearmost",
-                "in back",
-            ],
+            &["backmost", "back most", "at the back", "in the back", "rearmost", "in back"],
         ),
         (
             Mark::Superlative(S::Middle),
@@ -909,18 +820,12 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
             ],
         ),
         (Mark::Size(S::Largest), &["large", "big", "huge", "great"]),
-        (
-            Mark::Size(S::Smallest),
-            &["small", "little", "tiny", "compact"],
-        ),
+        (Mark::Size(S::Smallest), &["small", "little", "tiny", "compact"]),
         (Mark::Size(S::Tallest), &["tall"]),
         (Mark::Size(S::Shortest), &["short"]),
         (Mark::Size(S::Longest), &["long"]),
         (Mark::Size(S::Widest), &["wide", "broad"]),
-        (
-            Mark::Size(S::Narrowest),
-            &["narrow", "thin", "skinny", "slim"],
-        ),
+        (Mark::Size(S::Narrowest), &["narrow", "thin", "skinny", "slim"]),
         (Mark::Size(S::Highest), &["high"]),
         (Mark::Size(S::Lowest), &["low"]),
         (Mark::Ordinal(1), &["first", "1st"]),
@@ -930,42 +835,14 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (Mark::Ordinal(5), &["fifth", "5th"]),
         (Mark::Ordinal(6), &["sixth", "6th"]),
         (Mark::Ordinal(u32::MAX), &["last"]),
-        (
-            Mark::Floor(Floor::Number(0)),
-            &[
-                "on the ground floor",
-                "on the first floor",
-                "ground floor",
-                "first floor",
-            ],
-        ),
-        (
-            Mark::Floor(Floor::Number(1)),
-            &["on the second floor", "second floor"],
-        ),
-        (
-            Mark::Floor(Floor::Number(2)),
-            &["on the third floor", "third floor"],
-        ),
+        (Mark::Floor(Floor::Number(0)), &["on the ground floor", "on the first floor", "ground floor", "first floor"]),
+        (Mark::Floor(Floor::Number(1)), &["on the second floor", "second floor"]),
+        (Mark::Floor(Floor::Number(2)), &["on the third floor", "third floor"]),
         (
             Mark::Floor(Floor::Relative(1)),
-            &[
-                "upstairs",
-                "on the upper floor",
-                "one floor up",
-                "the floor above",
-                "on the top floor",
-            ],
+            &["upstairs", "on the upper floor", "one floor up", "the floor above", "on the top floor"],
         ),
-        (
-            Mark::Floor(Floor::Relative(-1)),
-            &[
-                "downstairs",
-                "on the lower floor",
-                "one floor down",
-                "the floor below",
-            ],
-        ),
+        (Mark::Floor(Floor::Relative(-1)), &["downstairs", "on the lower floor", "one floor down", "the floor below"]),
     ];
     const FILLERS: &[&str] = &[
         "please",
@@ -1015,8 +892,7 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         "group of",
         "couple of",
     ];
-    let mut map: HashMap<&'static str, Option<Mark>> =
-        FILLERS.iter().map(|filler| (*filler, None)).collect();
+    let mut map: HashMap<&'static str, Option<Mark>> = FILLERS.iter().map(|filler| (*filler, None)).collect();
     for (mark, phrases) in rows {
         for phrase in *phrases {
             map.insert(phrase, Some(*mark));
@@ -1035,19 +911,10 @@ mod tests {
 
     #[test]
     fn the_longest_phrase_wins() {
-        assert_eq!(
-            marks("on the left side of the bed"),
-            [Mark::Relation(R::LeftOf), Mark::Determiner, Mark::Word]
-        );
+        assert_eq!(marks("on the left side of the bed"), [Mark::Relation(R::LeftOf), Mark::Determiner, Mark::Word]);
         assert_eq!(marks("on the left"), [Mark::Superlative(S::Leftmost)]);
-        assert_eq!(
-            marks("on top of it"),
-            [Mark::Relation(R::On), Mark::Pronoun]
-        );
-        assert_eq!(
-            marks("Please, find!"),
-            [Mark::Comma, Mark::Verb, Mark::Stop]
-        );
+        assert_eq!(marks("on top of it"), [Mark::Relation(R::On), Mark::Pronoun]);
+        assert_eq!(marks("Please, find!"), [Mark::Comma, Mark::Verb, Mark::Stop]);
     }
 
     #[test]

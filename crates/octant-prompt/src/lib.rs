@@ -23,7 +23,9 @@ pub mod situation;
 pub mod symbolic;
 pub mod tiers;
 pub mod tokens;
+pub mod tools;
 pub mod vocabulary;
+pub mod vocabulary_tables;
 
 pub use action::{Action, Target};
 pub use actor_critic::{Attempt, DecisionRecord, decide_with_critic};
@@ -43,3 +45,4 @@ pub use scripted::ScriptedReasoner;
 pub use situation::Situation;
 pub use symbolic::SymbolicReasoner;
 pub use tokens::{Estimate, TokenCounter};
+pub use vocabulary::is_kind_of;

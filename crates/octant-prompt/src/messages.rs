@@ -23,10 +23,8 @@ pub fn user_text(prompt: &Prompt, critiques: &[Critique]) -> String {
     const MAX_CRITIQUES: usize = 4;
     let mut text = prompt.text.clone();
     for critique in critiques.iter().rev().take(MAX_CRITIQUES).rev() {
-        let action = critique.action.as_ref().map_or_else(
-            || "your reply".to_string(),
-            |action| action.text(&prompt.names),
-        );
+        let action =
+            critique.action.as_ref().map_or_else(|| "your reply".to_string(), |action| action.text(&prompt.names));
         text.push_str(&format!("\nRejected: {action}: {}", critique.message));
     }
     text

@@ -32,10 +32,7 @@ pub struct NameTable {
 impl NameTable {
     /// An empty table.
     pub fn new(revision: u64) -> NameTable {
-        NameTable {
-            revision,
-            ..NameTable::default()
-        }
+        NameTable { revision, ..NameTable::default() }
     }
 
     /// Adds a name; of two equal names the first stays.
@@ -60,21 +57,9 @@ impl NameTable {
         if let Some(named) = self.by_name.get(name) {
             return Some(*named);
         }
-        let folded: String = name
-            .trim()
-            .chars()
-            .map(|c| {
-                if c == ' ' || c == '-' {
-                    '_'
-                } else {
-                    c.to_ascii_lowercase()
-                }
-            })
-            .collect();
-        self.by_name
-            .get(&folded)
-            .copied()
-            .or_else(|| self.aliases.get(&folded).copied().flatten())
+        let folded: String =
+            name.trim().chars().map(|c| if c == ' ' || c == '-' { '_' } else { c.to_ascii_lowercase() }).collect();
+        self.by_name.get(&folded).copied().or_else(|| self.aliases.get(&folded).copied().flatten())
     }
 
     /// The name of a target in this prompt.
@@ -84,9 +69,7 @@ impl NameTable {
 
     /// All names with their meaning, sorted by name: what an `enum` in a reply schema may hold.
     pub fn iter(&self) -> impl Iterator<Item = (&str, Named)> {
-        self.by_name
-            .iter()
-            .map(|(name, named)| (name.as_str(), *named))
+        self.by_name.iter().map(|(name, named)| (name.as_str(), *named))
     }
 
     /// Number of names.
@@ -139,9 +122,7 @@ pub fn split_ordinal(name: &str) -> Option<(&str, usize)> {
 /// Reads `chairx7` as (`chair`, 7) and `chair` as (`chair`, 1).
 pub fn split_count(word: &str) -> (&str, usize) {
     match split_ordinal(word) {
-        Some((stem, count)) => stem
-            .strip_suffix('x')
-            .map_or((word, 1), |class| (class, count)),
+        Some((stem, count)) => stem.strip_suffix('x').map_or((word, 1), |class| (class, count)),
         None => (word, 1),
     }
 }
@@ -152,29 +133,10 @@ mod tests {
 
     #[test]
     fn names_read_back() {
-        for label in [
-            "chair",
-            "trash can",
-            "box",
-            "label 11",
-            "x",
-            "TV",
-            "x7",
-            "caf\u{e9} table",
-            "",
-            "--",
-        ] {
+        for label in ["chair", "trash can", "box", "label 11", "x", "TV", "x7", "caf\u{e9} table", "", "--"] {
             let token = class_token(label);
-            assert_eq!(
-                split_ordinal(&format!("{token}12")),
-                Some((token.as_str(), 12)),
-                "{label:?}"
-            );
-            assert_eq!(
-                split_count(&format!("{token}x12")),
-                (token.as_str(), 12),
-                "{label:?}"
-            );
+            assert_eq!(split_ordinal(&format!("{token}12")), Some((token.as_str(), 12)), "{label:?}");
+            assert_eq!(split_count(&format!("{token}x12")), (token.as_str(), 12), "{label:?}");
             assert_eq!(split_count(&token), (token.as_str(), 1), "{label:?}");
         }
         assert_eq!(class_token("label 11"), "label_11_");
@@ -185,17 +147,11 @@ mod tests {
         let mut names = NameTable::new(1);
         names.insert("room2.trash_can1".into(), Named::Object(ObjectId(4)));
         names.insert_alias("office".into(), Named::Room(RoomId(1)));
-        assert_eq!(
-            names.get("Room2.Trash Can1"),
-            Some(Named::Object(ObjectId(4)))
-        );
+        assert_eq!(names.get("Room2.Trash Can1"), Some(Named::Object(ObjectId(4))));
         assert_eq!(names.get("OFFICE"), Some(Named::Room(RoomId(1))));
         names.insert_alias("office".into(), Named::Room(RoomId(2)));
         assert_eq!(names.get("office"), None);
         assert_eq!(names.get(&"a".repeat(1_000_000)), None);
-        assert_eq!(
-            names.name_of(Named::Object(ObjectId(4))),
-            Some("room2.trash_can1")
-        );
+        assert_eq!(names.name_of(Named::Object(ObjectId(4))), Some("room2.trash_can1"));
     }
 }

@@ -24,10 +24,7 @@ pub enum Octant {
 }
 
 /// Coordinates of a world point in the body frame: `P' = R_wb^T (P - t_wb)`.
-pub fn point_in_body(
-    world_from_body: &Isometry3<f64>,
-    point_in_world: &Point3<f64>,
-) -> Point3<f64> {
+pub fn point_in_body(world_from_body: &Isometry3<f64>, point_in_world: &Point3<f64>) -> Point3<f64> {
     world_from_body.inverse_transform_point(point_in_world) // OmniVLN Eq. 8
 }
 
@@ -35,11 +32,7 @@ pub fn point_in_body(
 /// body origin. Total: every input has exactly one octant (NaN counts as negative).
 pub fn octant_of(point_in_body: &Point3<f64>, camera_height_m: f64) -> Octant {
     // OmniVLN Eq. 9, with sgn(0) = +
-    Octant::from_signs(
-        point_in_body.x >= 0.0,
-        point_in_body.y >= 0.0,
-        point_in_body.z - camera_height_m >= 0.0,
-    )
+    Octant::from_signs(point_in_body.x >= 0.0, point_in_body.y >= 0.0, point_in_body.z - camera_height_m >= 0.0)
 }
 
 impl Octant {
@@ -89,11 +82,7 @@ impl Octant {
     /// Heading of the middle of the octant in the body frame, radians, positive to the left: what `turn_to` means for a controller.
     pub fn heading_rad(self) -> f64 {
         let (front, left, _) = self.signs();
-        let size = if front {
-            std::f64::consts::FRAC_PI_4
-        } else {
-            3.0 * std::f64::consts::FRAC_PI_4
-        };
+        let size = if front { std::f64::consts::FRAC_PI_4 } else { 3.0 * std::f64::consts::FRAC_PI_4 };
         if left { size } else { -size }
     }
 }
@@ -117,21 +106,9 @@ impl FromStr for Octant {
         if text.len() > 32 {
             return Err(NotAnOctant);
         }
-        let wanted: String = text
-            .trim()
-            .chars()
-            .map(|c| {
-                if c == '_' || c == ' ' {
-                    '-'
-                } else {
-                    c.to_ascii_lowercase()
-                }
-            })
-            .collect();
-        Octant::ALL
-            .into_iter()
-            .find(|octant| octant.name() == wanted)
-            .ok_or(NotAnOctant)
+        let wanted: String =
+            text.trim().chars().map(|c| if c == '_' || c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect();
+        Octant::ALL.into_iter().find(|octant| octant.name() == wanted).ok_or(NotAnOctant)
     }
 }
 
@@ -197,31 +174,16 @@ mod tests {
 
     #[test]
     fn a_zero_belongs_to_the_non_negative_side() {
-        assert_eq!(
-            octant_of(&Point3::new(0.0, 0.0, 0.5), 0.5),
-            Octant::FrontLeftTop
-        );
-        assert_eq!(
-            octant_of(&Point3::new(-0.0, -0.0, 0.5), 0.5),
-            Octant::FrontLeftTop
-        );
-        assert_eq!(
-            octant_of(&Point3::new(-1e-12, 0.0, 0.5), 0.5),
-            Octant::BackLeftTop
-        );
-        assert_eq!(
-            octant_of(&Point3::new(1.0, -1.0, 0.4), 0.5),
-            Octant::FrontRightBottom
-        );
+        assert_eq!(octant_of(&Point3::new(0.0, 0.0, 0.5), 0.5), Octant::FrontLeftTop);
+        assert_eq!(octant_of(&Point3::new(-0.0, -0.0, 0.5), 0.5), Octant::FrontLeftTop);
+        assert_eq!(octant_of(&Point3::new(-1e-12, 0.0, 0.5), 0.5), Octant::BackLeftTop);
+        assert_eq!(octant_of(&Point3::new(1.0, -1.0, 0.4), 0.5), Octant::FrontRightBottom);
     }
 
     #[test]
     fn eq_8_of_a_turned_robot() {
         // The robot stands at (1, 2, 0.3) and looks along +y (yaw 90 degrees): a point 2 m further along y is in front of it.
-        let world_from_body = Isometry3::new(
-            Vector3::new(1.0, 2.0, 0.3),
-            Vector3::z() * std::f64::consts::FRAC_PI_2,
-        );
+        let world_from_body = Isometry3::new(Vector3::new(1.0, 2.0, 0.3), Vector3::z() * std::f64::consts::FRAC_PI_2);
         let p = point_in_body(&world_from_body, &Point3::new(0.5, 4.0, 0.3));
         assert!((p - Point3::new(2.0, 0.5, 0.0)).norm() < 1e-12);
         assert_eq!(octant_of(&p, 0.42), Octant::FrontLeftBottom);
@@ -231,10 +193,7 @@ mod tests {
     fn names_round_trip_in_any_spelling() {
         for octant in Octant::ALL {
             assert_eq!(octant.name().parse(), Ok(octant));
-            assert_eq!(
-                octant.name().to_uppercase().replace('-', "_").parse(),
-                Ok(octant)
-            );
+            assert_eq!(octant.name().to_uppercase().replace('-', "_").parse(), Ok(octant));
         }
         assert!("front".parse::<Octant>().is_err());
     }
@@ -245,9 +204,6 @@ mod tests {
         assert_eq!(Bearing::of(&Point3::new(0.0, 1.0, 0.0)), Bearing::Left);
         assert_eq!(Bearing::of(&Point3::new(-1.0, 0.0, 0.0)), Bearing::Back);
         assert_eq!(Bearing::of(&Point3::new(-1.0, -0.0, 0.0)), Bearing::Back);
-        assert_eq!(
-            Bearing::of(&Point3::new(1.0, -1.0, 9.0)),
-            Bearing::FrontRight
-        );
+        assert_eq!(Bearing::of(&Point3::new(1.0, -1.0, 9.0)), Bearing::FrontRight);
     }
 }

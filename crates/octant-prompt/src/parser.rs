@@ -11,8 +11,8 @@
 //! or "and", where it belongs to the head. Any text is accepted: what no rule knows is skipped, unknown words are nouns ("unicorn").
 
 use crate::instruction::{
-    Attribute, AttributeKind, Floor, Instruction, Referring, RelationClause, RoomReference,
-    SpatialRelation, Step, StepKind, Superlative, View, ViewKind,
+    Attribute, AttributeKind, Floor, Instruction, Referring, RelationClause, RoomReference, SpatialRelation, Step,
+    StepKind, Superlative, View, ViewKind,
 };
 use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens};
 use crate::vocabulary::{Class, canonical, color_rgb, material, room_kind, singular_phrase};
@@ -44,10 +44,7 @@ pub fn parse_instruction(text: &str) -> Instruction {
         }
     }
     resolve_pronouns(&mut steps);
-    Instruction {
-        text: bounded(text),
-        steps,
-    }
+    Instruction { text: bounded(text), steps }
 }
 
 /// Parses one referring expression ("the chair left of the desk, facing the window"), never splitting it into steps. `known_classes` are
@@ -69,9 +66,7 @@ fn bounded(text: &str) -> String {
 fn split_steps(all: &[Token]) -> Vec<&[Token]> {
     let starts_step = |at: usize| {
         let rest = &all[at..];
-        let verb = rest
-            .iter()
-            .position(|token| !matches!(token.mark, Mark::And | Mark::Comma | Mark::Then));
+        let verb = rest.iter().position(|token| !matches!(token.mark, Mark::And | Mark::Comma | Mark::Then));
         verb.is_some_and(|index| matches!(rest[index].mark, Mark::Verb | Mark::Enter))
     };
     let mut clauses = Vec::new();
@@ -90,11 +85,7 @@ fn split_steps(all: &[Token]) -> Vec<&[Token]> {
         }
     }
     clauses.push(&all[start..]);
-    clauses.retain(|clause| {
-        clause
-            .iter()
-            .any(|token| !matches!(token.mark, Mark::And | Mark::Comma))
-    });
+    clauses.retain(|clause| clause.iter().any(|token| !matches!(token.mark, Mark::And | Mark::Comma)));
     clauses
 }
 
@@ -120,17 +111,8 @@ struct Parser<'a> {
 
 impl<'a> Parser<'a> {
     fn new(tokens: &'a [Token], known_classes: &[&str]) -> Self {
-        let known = known_classes
-            .iter()
-            .map(|name| Class::new(name).text)
-            .collect();
-        Parser {
-            tokens,
-            known,
-            at: 0,
-            view: None,
-            last_class: None,
-        }
+        let known = known_classes.iter().map(|name| Class::new(name).text).collect();
+        Parser { tokens, known, at: 0, view: None, last_class: None }
     }
 
     fn step(&mut self) -> Option<Step> {
@@ -164,13 +146,9 @@ impl<'a> Parser<'a> {
                         _ => {}
                     }
                 }
-                Mark::Verb
-                | Mark::Enter
-                | Mark::Comma
-                | Mark::Stop
-                | Mark::Then
-                | Mark::Pronoun
-                | Mark::Copula => self.at += 1,
+                Mark::Verb | Mark::Enter | Mark::Comma | Mark::Stop | Mark::Then | Mark::Pronoun | Mark::Copula => {
+                    self.at += 1
+                }
                 _ => match &mut head {
                     None => head = self.noun_phrase(0),
                     Some(head) => {
@@ -203,9 +181,8 @@ impl<'a> Parser<'a> {
         let Some(again) = self.noun_phrase(1) else {
             return;
         };
-        let same = again.class.is_wildcard()
-            || again.class.text.is_empty()
-            || again.class.canonical == head.class.canonical;
+        let same =
+            again.class.is_wildcard() || again.class.text.is_empty() || again.class.canonical == head.class.canonical;
         if same || head.class.is_wildcard() {
             if head.class.is_wildcard() && !again.class.text.is_empty() {
                 head.class = again.class;
@@ -220,23 +197,14 @@ impl<'a> Parser<'a> {
 
     fn view_clause(&mut self, kind: ViewKind, depth: usize) {
         self.at += 1;
-        if kind == ViewKind::From
-            && self
-                .mark()
-                .is_some_and(|mark| matches!(mark, Mark::From | Mark::In))
-        {
+        if kind == ViewKind::From && self.mark().is_some_and(|mark| matches!(mark, Mark::From | Mark::In)) {
             self.at += 1;
         }
         if let Some(anchor) = self.noun_phrase(depth + 1) {
             self.view.get_or_insert(View { kind, anchor });
         } else if kind == ViewKind::From {
-            self.view.get_or_insert(View {
-                kind,
-                anchor: Referring {
-                    class: Class::new("door"),
-                    ..Referring::default()
-                },
-            });
+            self.view
+                .get_or_insert(View { kind, anchor: Referring { class: Class::new("door"), ..Referring::default() } });
         }
     }
 
@@ -249,9 +217,7 @@ impl<'a> Parser<'a> {
         loop {
             match self.mark() {
                 Some(Mark::Determiner | Mark::Pronoun | Mark::Copula) => self.at += 1,
-                Some(Mark::Not) if depth == 0 && self.mark_at(1) == Some(Mark::Word) => {
-                    self.at += 1
-                }
+                Some(Mark::Not) if depth == 0 && self.mark_at(1) == Some(Mark::Word) => self.at += 1,
                 Some(Mark::Superlative(superlative)) => {
                     self.at += 1;
                     out.superlatives.push(superlative);
@@ -269,11 +235,7 @@ impl<'a> Parser<'a> {
                 Some(Mark::Size(size)) => {
                     let word = self.tokens[self.at].text.clone();
                     self.at += 1;
-                    out.attributes.push(Attribute {
-                        kind: AttributeKind::Size(size),
-                        word,
-                        negated: false,
-                    });
+                    out.attributes.push(Attribute { kind: AttributeKind::Size(size), word, negated: false });
                 }
                 Some(Mark::Ordinal(n)) => {
                     self.at += 1;
@@ -289,9 +251,7 @@ impl<'a> Parser<'a> {
                         break;
                     }
                 }
-                Some(Mark::Of) if out.ordinal.is_some() || !out.superlatives.is_empty() => {
-                    self.at += 1
-                }
+                Some(Mark::Of) if out.ordinal.is_some() || !out.superlatives.is_empty() => self.at += 1,
                 Some(Mark::Floor(floor)) if self.noun_words() == 0 => {
                     self.at += 1;
                     out.floor = Some(floor);
@@ -301,14 +261,11 @@ impl<'a> Parser<'a> {
                 }
                 Some(Mark::Word) => {
                     let count = self.noun_words();
-                    let words: Vec<&str> = self.tokens[self.at..self.at + count]
-                        .iter()
-                        .map(|token| token.text.as_str())
-                        .collect();
+                    let words: Vec<&str> =
+                        self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
                     self.noun(&words, &mut out);
                     self.at += count;
-                    if let Some(anchor) = is_part(&out.class).then(|| self.part_of(depth)).flatten()
-                    {
+                    if let Some(anchor) = is_part(&out.class).then(|| self.part_of(depth)).flatten() {
                         out = anchor; // "the foot of the bed"
                     }
                     has_noun = true;
@@ -317,11 +274,7 @@ impl<'a> Parser<'a> {
                 _ => break,
             }
         }
-        if !has_noun
-            && out.superlatives.is_empty()
-            && out.attributes.is_empty()
-            && out.ordinal.is_none()
-        {
+        if !has_noun && out.superlatives.is_empty() && out.attributes.is_empty() && out.ordinal.is_none() {
             return None;
         }
         if !has_noun {
@@ -337,17 +290,10 @@ impl<'a> Parser<'a> {
     /// How many tokens from here form the words of a noun: marked words count when they continue a known phrase.
     fn noun_words(&self) -> usize {
         let rest = &self.tokens[self.at..];
-        let mut count = rest
-            .iter()
-            .take_while(|token| token.mark == Mark::Word)
-            .count();
+        let mut count = rest.iter().take_while(|token| token.mark == Mark::Word).count();
         // "arm chair", "chest of drawers": a phrase of the tables may hold a marked word.
         for longer in (count + 1..=(count + 3).min(rest.len())).rev() {
-            let phrase = rest[..longer]
-                .iter()
-                .map(|token| token.text.as_str())
-                .collect::<Vec<_>>()
-                .join(" ");
+            let phrase = rest[..longer].iter().map(|token| token.text.as_str()).collect::<Vec<_>>().join(" ");
             if self.is_known(&singular_phrase(&phrase)) {
                 count = longer;
                 break;
@@ -367,9 +313,7 @@ impl<'a> Parser<'a> {
         }
         let before = self.at;
         self.at += 1;
-        let anchor = self
-            .noun_phrase(depth + 1)
-            .filter(|anchor| !anchor.class.is_wildcard());
+        let anchor = self.noun_phrase(depth + 1).filter(|anchor| !anchor.class.is_wildcard());
         if anchor.is_none() {
             self.at = before;
         }
@@ -388,15 +332,12 @@ impl<'a> Parser<'a> {
             if self.is_known(&whole) {
                 break;
             }
-            let begins_known = (2..=words.len())
-                .rev()
-                .any(|count| self.is_known(&singular_phrase(&words[..count].join(" "))));
+            let begins_known =
+                (2..=words.len()).rev().any(|count| self.is_known(&singular_phrase(&words[..count].join(" "))));
             if begins_known {
                 break;
             }
-            if matches!(words[0], "dark" | "light" | "bright" | "pale")
-                && color_rgb(words[1]).is_some()
-            {
+            if matches!(words[0], "dark" | "light" | "bright" | "pale") && color_rgb(words[1]).is_some() {
                 words = &words[1..];
             } else if let Some(attribute) = adjective(words[0]) {
                 out.attributes.push(attribute);
@@ -413,20 +354,18 @@ impl<'a> Parser<'a> {
             return;
         }
         // The longest known ending is the class ("dirty coffee mug"); the words before it describe it.
-        let known_from = (1..words.len())
-            .find(|&from| self.is_known(&singular_phrase(&words[from..].join(" "))));
+        let known_from = (1..words.len()).find(|&from| self.is_known(&singular_phrase(&words[from..].join(" "))));
         match known_from {
             Some(from) => {
                 if let Some(room) = room_reference(&words[..from]) {
                     out.room = Some(room); // "the kitchen table"
                 } else {
                     for word in &words[..from] {
-                        out.attributes
-                            .push(adjective(word).unwrap_or_else(|| Attribute {
-                                kind: AttributeKind::Other,
-                                word: (*word).to_string(),
-                                negated: false,
-                            }));
+                        out.attributes.push(adjective(word).unwrap_or_else(|| Attribute {
+                            kind: AttributeKind::Other,
+                            word: (*word).to_string(),
+                            negated: false,
+                        }));
                     }
                 }
                 out.class = Class::new(&words[from..].join(" "));
@@ -450,18 +389,9 @@ impl<'a> Parser<'a> {
                     .map(|token| token.mark);
                 if matches!(
                     next,
-                    Some(
-                        Mark::Relation(_)
-                            | Mark::In
-                            | Mark::With
-                            | Mark::Without
-                            | Mark::Not
-                            | Mark::Floor(_)
-                    )
+                    Some(Mark::Relation(_) | Mark::In | Mark::With | Mark::Without | Mark::Not | Mark::Floor(_))
                 ) {
-                    self.skip(|mark| {
-                        matches!(mark, Mark::Comma | Mark::And | Mark::Pronoun | Mark::Copula)
-                    });
+                    self.skip(|mark| matches!(mark, Mark::Comma | Mark::And | Mark::Pronoun | Mark::Copula));
                 }
             }
         }
@@ -493,10 +423,7 @@ impl<'a> Parser<'a> {
                 self.with(head, true, depth)
             }
             Some(Mark::Superlative(Superlative::Nearest))
-                if matches!(
-                    self.mark_at(1),
-                    Some(Mark::Determiner | Mark::From | Mark::Word)
-                ) =>
+                if matches!(self.mark_at(1), Some(Mark::Determiner | Mark::From | Mark::Word)) =>
             {
                 self.at += 1;
                 self.skip(|mark| mark == Mark::From);
@@ -524,9 +451,8 @@ impl<'a> Parser<'a> {
                 };
                 let done = self.relation(head, relation, negated, depth);
                 if done {
-                    head.superlatives.retain(|superlative| {
-                        !matches!(superlative, Superlative::Nearest | Superlative::Farthest)
-                    });
+                    head.superlatives
+                        .retain(|superlative| !matches!(superlative, Superlative::Nearest | Superlative::Farthest));
                 }
                 done
             }
@@ -551,16 +477,10 @@ impl<'a> Parser<'a> {
             Some(Mark::Size(size)) if linked => {
                 let word = self.tokens[self.at].text.clone();
                 self.at += 1;
-                head.attributes.push(Attribute {
-                    kind: AttributeKind::Size(size),
-                    word,
-                    negated,
-                });
+                head.attributes.push(Attribute { kind: AttributeKind::Size(size), word, negated });
                 true
             }
-            Some(Mark::View(ViewKind::Facing))
-                if depth == 0 && self.at > 0 && self.view.is_none() =>
-            {
+            Some(Mark::View(ViewKind::Facing)) if depth == 0 && self.at > 0 && self.view.is_none() => {
                 self.at += 1;
                 self.relation(head, SpatialRelation::Opposite, negated, depth)
             }
@@ -571,10 +491,7 @@ impl<'a> Parser<'a> {
             Some(Mark::Word) if linked || negated => match adjective(&self.tokens[self.at].text) {
                 Some(attribute) => {
                     self.at += 1;
-                    head.attributes.push(Attribute {
-                        negated,
-                        ..attribute
-                    });
+                    head.attributes.push(Attribute { negated, ..attribute });
                     true
                 }
                 None if negated => self.repeat_last_relation(head, depth),
@@ -629,34 +546,20 @@ impl<'a> Parser<'a> {
         if anchor.class.is_wildcard() {
             return true;
         }
-        head.relations.push(RelationClause {
-            relation: SpatialRelation::Inside,
-            anchors: vec![anchor],
-            negated,
-        });
+        head.relations.push(RelationClause { relation: SpatialRelation::Inside, anchors: vec![anchor], negated });
         true
     }
 
-    fn relation(
-        &mut self,
-        head: &mut Referring,
-        relation: SpatialRelation,
-        negated: bool,
-        depth: usize,
-    ) -> bool {
+    fn relation(&mut self, head: &mut Referring, relation: SpatialRelation, negated: bool, depth: usize) -> bool {
         // "not near" is a phrase of its own in the lexicon; "not far from" too.
         let Some(first) = self.noun_phrase(depth + 1) else {
             // "closest", "nearest" at the end of the text: to the robot.
-            if matches!(
-                relation,
-                SpatialRelation::Closest | SpatialRelation::Farthest
-            ) {
-                head.superlatives
-                    .push(if relation == SpatialRelation::Closest {
-                        Superlative::Nearest
-                    } else {
-                        Superlative::Farthest
-                    });
+            if matches!(relation, SpatialRelation::Closest | SpatialRelation::Farthest) {
+                head.superlatives.push(if relation == SpatialRelation::Closest {
+                    Superlative::Nearest
+                } else {
+                    Superlative::Farthest
+                });
                 return true;
             }
             return false;
@@ -678,15 +581,10 @@ impl<'a> Parser<'a> {
             return true;
         }
         let mut anchors = vec![first];
-        while self.mark() == Some(Mark::And)
-            && matches!(self.mark_at(1), Some(Mark::Determiner | Mark::Word))
-        {
+        while self.mark() == Some(Mark::And) && matches!(self.mark_at(1), Some(Mark::Determiner | Mark::Word)) {
             let before = self.at;
             self.at += 1;
-            match self
-                .noun_phrase(depth + 1)
-                .filter(|anchor| !anchor.class.text.is_empty())
-            {
+            match self.noun_phrase(depth + 1).filter(|anchor| !anchor.class.text.is_empty()) {
                 Some(anchor) => anchors.push(anchor),
                 None => {
                     self.at = before;
@@ -696,18 +594,13 @@ impl<'a> Parser<'a> {
         }
         if relation == SpatialRelation::Between {
             anchors.truncate(2);
-            head.relations.push(RelationClause {
-                relation,
-                anchors,
-                negated,
-            });
+            head.relations.push(RelationClause { relation, anchors, negated });
         } else {
-            head.relations
-                .extend(anchors.into_iter().map(|anchor| RelationClause {
-                    relation,
-                    anchors: vec![anchor],
-                    negated,
-                }));
+            head.relations.extend(anchors.into_iter().map(|anchor| RelationClause {
+                relation,
+                anchors: vec![anchor],
+                negated,
+            }));
         }
         true
     }
@@ -719,18 +612,13 @@ impl<'a> Parser<'a> {
         };
         let mut relation = SpatialRelation::With;
         // "on top" was read as a superlative of the anchor.
-        if let Some(index) = anchor
-            .superlatives
-            .iter()
-            .position(|superlative| *superlative == Superlative::Highest)
-        {
+        if let Some(index) = anchor.superlatives.iter().position(|superlative| *superlative == Superlative::Highest) {
             anchor.superlatives.remove(index);
             relation = SpatialRelation::Supporting;
         }
         let refers_back = |parser: &Self, ahead: usize| {
             parser.tokens.get(parser.at + ahead).is_none_or(|token| {
-                matches!(token.text.as_str(), "it" | "them" | "top")
-                    || matches!(token.mark, Mark::Comma | Mark::Stop)
+                matches!(token.text.as_str(), "it" | "them" | "top") || matches!(token.mark, Mark::Comma | Mark::Stop)
             })
         };
         match self.mark() {
@@ -757,11 +645,7 @@ impl<'a> Parser<'a> {
             room.contains.push(anchor); // "the room with the piano"
             return true;
         }
-        head.relations.push(RelationClause {
-            relation,
-            anchors: vec![anchor],
-            negated,
-        });
+        head.relations.push(RelationClause { relation, anchors: vec![anchor], negated });
         true
     }
 
@@ -786,11 +670,7 @@ fn hoist_room(head: &mut Referring) {
         return;
     }
     let local = |clause: &&mut RelationClause| {
-        !clause.negated
-            && !matches!(
-                clause.relation,
-                SpatialRelation::Far | SpatialRelation::Farthest
-            )
+        !clause.negated && !matches!(clause.relation, SpatialRelation::Far | SpatialRelation::Farthest)
     };
     for clause in head.relations.iter_mut().filter(local) {
         for anchor in &mut clause.anchors {
@@ -812,29 +692,19 @@ fn adjective(word: &str) -> Option<Attribute> {
     } else {
         return None;
     };
-    Some(Attribute {
-        kind: kind_and_word.0,
-        word: kind_and_word.1,
-        negated: false,
-    })
+    Some(Attribute { kind: kind_and_word.0, word: kind_and_word.1, negated: false })
 }
 
 /// `kitchen`, `room 3`, `conference room`, or just `room`.
 fn room_reference(words: &[&str]) -> Option<RoomReference> {
     let phrase = singular_phrase(&words.join(" "));
     if let Some(kind) = room_kind(&phrase) {
-        return Some(RoomReference {
-            name: phrase,
-            kind: Some(kind.to_string()),
-            contains: Vec::new(),
-        });
+        return Some(RoomReference { name: phrase, kind: Some(kind.to_string()), contains: Vec::new() });
     }
     match words {
         ["room"] => Some(RoomReference::default()),
         // "bedroom 2", "room 3"
-        [front @ .., number]
-            if !front.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) =>
-        {
+        [front @ .., number] if !front.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) => {
             let kind = room_kind(&front.join(" "));
             (kind.is_some() || front == ["room"]).then(|| RoomReference {
                 name: phrase,
@@ -843,11 +713,7 @@ fn room_reference(words: &[&str]) -> Option<RoomReference> {
             })
         }
         // "storage area", "server room" beyond the table: any words before "room"
-        [_, .., "room"] => Some(RoomReference {
-            name: phrase,
-            kind: None,
-            contains: Vec::new(),
-        }),
+        [_, .., "room"] => Some(RoomReference { name: phrase, kind: None, contains: Vec::new() }),
         _ => None,
     }
 }
@@ -953,17 +819,7 @@ mod tests {
         let found: Vec<String> = instruction
             .steps
             .iter()
-            .map(|step| {
-                format!(
-                    "{}{}",
-                    if step.kind == StepKind::GoToRoom {
-                        "room:"
-                    } else {
-                        ""
-                    },
-                    brief(&step.goal)
-                )
-            })
+            .map(|step| format!("{}{}", if step.kind == StepKind::GoToRoom { "room:" } else { "" }, brief(&step.goal)))
             .collect();
         assert_eq!(found, expected, "{text}");
     }
@@ -971,112 +827,49 @@ mod tests {
     #[test]
     fn the_instructions_of_the_two_robots() {
         check("find the mug near the sink", &["mug [near sink]"]);
-        check(
-            "go to the plant in the meeting room",
-            &["plant @meeting room"],
-        );
-        check(
-            "go to the kitchen, then find the mug on the table",
-            &["room: @kitchen", "mug [on table]"],
-        );
-        check(
-            "Go to the kitchen and find the red mug.",
-            &["room: @kitchen", "mug red"],
-        );
+        check("go to the plant in the meeting room", &["plant @meeting room"]);
+        check("go to the kitchen, then find the mug on the table", &["room: @kitchen", "mug [on table]"]);
+        check("Go to the kitchen and find the red mug.", &["room: @kitchen", "mug red"]);
         check("find the unicorn", &["unicorn"]);
         check("go to the nearest chair", &["chair nearest"]);
-        check(
-            "Find a wooden chair next to the large white cabinet",
-            &["chair wood [near cabinet large white]"],
-        );
+        check("Find a wooden chair next to the large white cabinet", &["chair wood [near cabinet large white]"]);
         check("enter the bathroom", &["room: @bathroom"]);
         check("walk to the office chair", &["office chair"]);
-        check(
-            "go to the bedroom 2 and then to the lamp",
-            &["room: @bedroom 2", "lamp"],
-        );
+        check("go to the bedroom 2 and then to the lamp", &["room: @bedroom 2", "lamp"]);
     }
 
     #[test]
     fn nested_relations_belong_to_the_nearest_noun() {
-        check(
-            "find the mug on the table near the window",
-            &["mug [on table [near window]]"],
-        );
-        check(
-            "find the mug on the table, near the window",
-            &["mug [on table] [near window]"],
-        );
-        check(
-            "find the mug near the sink and the fridge",
-            &["mug [near sink] [near fridge]"],
-        );
-        check(
-            "find the mug that is near the sink and on the counter",
-            &["mug [near sink] [on counter]"],
-        );
-        check(
-            "find the box between the sofa and the tv",
-            &["box [between sofa & tv]"],
-        );
-        check(
-            "find the mug near the sink in the kitchen",
-            &["mug [near sink @kitchen] @kitchen"],
-        );
+        check("find the mug on the table near the window", &["mug [on table [near window]]"]);
+        check("find the mug on the table, near the window", &["mug [on table] [near window]"]);
+        check("find the mug near the sink and the fridge", &["mug [near sink] [near fridge]"]);
+        check("find the mug that is near the sink and on the counter", &["mug [near sink] [on counter]"]);
+        check("find the box between the sofa and the tv", &["box [between sofa & tv]"]);
+        check("find the mug near the sink in the kitchen", &["mug [near sink @kitchen] @kitchen"]);
     }
 
     #[test]
     fn with_without_and_not() {
-        check(
-            "find the table with a laptop on top",
-            &["table [supporting laptop]"],
-        );
-        check(
-            "find the table with a laptop on it",
-            &["table [supporting laptop]"],
-        );
-        check(
-            "find the shelf with books in it",
-            &["shelf [containing book]"],
-        );
+        check("find the table with a laptop on top", &["table [supporting laptop]"]);
+        check("find the table with a laptop on it", &["table [supporting laptop]"]);
+        check("find the shelf with books in it", &["shelf [containing book]"]);
         check("find the desk with a monitor", &["desk [with monitor]"]);
         check("find the desk without a monitor", &["desk [!with monitor]"]);
         check("find the chair that is not red", &["chair !red"]);
-        check(
-            "find the chair not near the desk",
-            &["chair [far from desk]"],
-        );
+        check("find the chair not near the desk", &["chair [far from desk]"]);
         check("find the plant not in the kitchen", &["plant !@kitchen"]);
         check("go to the room with the piano", &["room: @(piano)"]);
-        check(
-            "find the chair in the room with the piano",
-            &["chair @(piano)"],
-        );
+        check("find the chair in the room with the piano", &["chair @(piano)"]);
     }
 
     #[test]
     fn superlatives_ordinals_views() {
         check("the largest box", &["box largest"]);
-        check(
-            "go to the second chair from the left",
-            &["chair leftmost #2"],
-        );
-        check(
-            "the chair closest to the foot of the bed",
-            &["chair [closest to bed]"],
-        );
-        check(
-            "find the closest chair to the door",
-            &["chair [closest to door]"],
-        );
-        check(
-            "facing the sinks, it's the one on the right",
-            &["sink rightmost <Facing sink>"],
-        );
-        check(
-            "with your back to the door, the lamp on the left",
-            &["lamp leftmost <BackTo door>"],
-        );
+        check("go to the second chair from the left", &["chair leftmost #2"]);
+        check("the chair closest to the foot of the bed", &["chair [closest to bed]"]);
+        check("find the closest chair to the door", &["chair [closest to door]"]);
+        check("facing the sinks, it's the one on the right", &["sink rightmost <Facing sink>"]);
+        check("with your back to the door, the lamp on the left", &["lamp leftmost <BackTo door>"]);
         check("the chair left of the desk", &["chair [left of desk]"]);
     }
 
@@ -1084,29 +877,14 @@ mod tests {
     fn floors_and_unknown_words() {
         let upstairs = parse_instruction("find the bed upstairs");
         assert_eq!(upstairs.steps[0].goal.floor, Some(Floor::Relative(1)));
-        assert_eq!(
-            parse_instruction("find the lamp on the second floor").steps[0]
-                .goal
-                .floor,
-            Some(Floor::Number(1))
-        );
-        check(
-            "find the flux capacitor beside the zorgle",
-            &["flux capacitor [near zorgle]"],
-        );
+        assert_eq!(parse_instruction("find the lamp on the second floor").steps[0].goal.floor, Some(Floor::Number(1)));
+        check("find the flux capacitor beside the zorgle", &["flux capacitor [near zorgle]"]);
         check("find the dirty coffee mug", &["coffee mug dirty"]);
         check("", &[]);
         check("?!,. and then", &[]);
-        assert_eq!(
-            parse_instruction("find the mug near the sink").nouns(),
-            ["mug", "sink"]
-        );
+        assert_eq!(parse_instruction("find the mug near the sink").nouns(), ["mug", "sink"]);
         assert!(
-            parse_instruction("find a mug").steps[0]
-                .goal
-                .relations
-                .iter()
-                .all(|clause| clause.relation == R::Near)
+            parse_instruction("find a mug").steps[0].goal.relations.iter().all(|clause| clause.relation == R::Near)
         );
     }
 }

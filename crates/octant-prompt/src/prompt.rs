@@ -78,10 +78,7 @@ impl PromptConfig {
         if self.budget_tokens < MIN_BUDGET_TOKENS {
             return Err(PromptConfigError::Budget);
         }
-        if !(self.focal_radius_m > 0.0
-            && self.focal_radius_m.is_finite()
-            && self.camera_height_m.is_finite())
-        {
+        if !(self.focal_radius_m > 0.0 && self.focal_radius_m.is_finite() && self.camera_height_m.is_finite()) {
             return Err(PromptConfigError::Length);
         }
         Ok(())
@@ -113,36 +110,16 @@ pub fn build_prompt(
     let frontiers: Vec<PlaceId> = graph.frontiers().map(|place| place.id).collect();
     let position = Point3::from(world_from_body.translation.vector);
     let crow = |point: &Point3<f64>| Some((point - position).norm());
-    build(
-        graph,
-        world_from_body,
-        &parse_instruction(instruction),
-        &frontiers,
-        &[],
-        &crow,
-        config,
-        counter,
-    )
+    build(graph, world_from_body, &parse_instruction(instruction), &frontiers, &[], &crow, config, counter)
 }
 
 /// The prompt for a situation: its frontiers and places to look from, its path lengths, its instruction with the present step marked.
-pub fn build_prompt_for(
-    situation: &Situation,
-    config: &PromptConfig,
-    counter: &dyn TokenCounter,
-) -> Prompt {
-    let config = PromptConfig {
-        camera_height_m: situation.camera_height_m,
-        ..config.clone()
-    };
+pub fn build_prompt_for(situation: &Situation, config: &PromptConfig, counter: &dyn TokenCounter) -> Prompt {
+    let config = PromptConfig { camera_height_m: situation.camera_height_m, ..config.clone() };
     let mut instruction = situation.instruction.clone();
     if instruction.steps.len() > 1 && situation.step_index > 0 {
-        instruction.text = format!(
-            "{} (step {} of {})",
-            instruction.text,
-            situation.step_index + 1,
-            instruction.steps.len()
-        );
+        instruction.text =
+            format!("{} (step {} of {})", instruction.text, situation.step_index + 1, instruction.steps.len());
     }
     build(
         situation.graph,
@@ -167,23 +144,10 @@ fn build(
     config: &PromptConfig,
     counter: &dyn TokenCounter,
 ) -> Prompt {
-    let view = View {
-        graph,
-        world_from_body,
-        frontiers,
-        unseen,
-        path_length,
-        nouns: &instruction.nouns(),
-        config,
-    };
+    let view = View { graph, world_from_body, frontiers, unseen, path_length, nouns: &instruction.nouns(), config };
     let tiers = tiers(&view); // Eq. 8-9 and the three tiers
     let detail = fit(&tiers, &instruction.text, config, counter); // the budget
     let mut names = NameTable::new(graph.revision());
     let text = render(&tiers, &instruction.text, &detail, Some(&mut names));
-    Prompt {
-        tokens: counter.count(&text),
-        text,
-        revision: graph.revision(),
-        names,
-    }
+    Prompt { tokens: counter.count(&text), text, revision: graph.revision(), names }
 }

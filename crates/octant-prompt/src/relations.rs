@@ -26,9 +26,7 @@ pub struct Viewer {
 impl Viewer {
     /// Plan direction of the view when judging a relation to `anchor`.
     pub fn forward_to(&self, anchor: &Point3<f64>) -> Vector2<f64> {
-        let towards = self
-            .forward
-            .unwrap_or_else(|| (anchor - self.position).xy());
+        let towards = self.forward.unwrap_or_else(|| (anchor - self.position).xy());
         towards.try_normalize(1e-9).unwrap_or_else(Vector2::x)
     }
 }
@@ -46,12 +44,7 @@ pub struct Shape<'a> {
 
 /// Score of `subject relation anchor` for relations with one anchor. [`SpatialRelation::Closest`], `Farthest` and `Between` need more
 /// than a pair: the first two are scored like `Near` and `Far` here.
-pub fn relation_score(
-    relation: SpatialRelation,
-    subject: &Shape,
-    anchor: &Shape,
-    viewer: &Viewer,
-) -> f64 {
+pub fn relation_score(relation: SpatialRelation, subject: &Shape, anchor: &Shape, viewer: &Viewer) -> f64 {
     let (a, b) = (subject.bounds, anchor.bounds);
     match relation {
         SpatialRelation::Near | SpatialRelation::Closest => near(a, b),
@@ -60,25 +53,14 @@ pub fn relation_score(
         SpatialRelation::Supporting => on(b, a, subject.is_container),
         SpatialRelation::Under => under(a, b),
         SpatialRelation::Above => above(a, b),
-        SpatialRelation::Inside => inside(a, b).max(if anchor.is_container {
-            on(a, b, true)
-        } else {
-            0.0
-        }),
-        SpatialRelation::Containing => inside(b, a).max(if subject.is_container {
-            on(b, a, true)
-        } else {
-            0.0
-        }),
-        SpatialRelation::With => on(b, a, subject.is_container)
-            .max(inside(b, a))
-            .max(0.9 * near(a, b)),
+        SpatialRelation::Inside => inside(a, b).max(if anchor.is_container { on(a, b, true) } else { 0.0 }),
+        SpatialRelation::Containing => inside(b, a).max(if subject.is_container { on(b, a, true) } else { 0.0 }),
+        SpatialRelation::With => on(b, a, subject.is_container).max(inside(b, a)).max(0.9 * near(a, b)),
         SpatialRelation::Opposite => 1.0 / (1.0 + (nearness_key_m(a, b) / 3.0).powi(3)),
         SpatialRelation::Between => near(a, b),
-        SpatialRelation::LeftOf
-        | SpatialRelation::RightOf
-        | SpatialRelation::InFrontOf
-        | SpatialRelation::Behind => lateral(relation, a, anchor, viewer),
+        SpatialRelation::LeftOf | SpatialRelation::RightOf | SpatialRelation::InFrontOf | SpatialRelation::Behind => {
+            lateral(relation, a, anchor, viewer)
+        }
     }
 }
 
@@ -110,11 +92,7 @@ fn on(a: &Aabb, b: &Aabb, container: bool) -> f64 {
     } else {
         0.0
     };
-    let order = if a.center().z >= b.center().z {
-        1.0
-    } else {
-        0.2
-    };
+    let order = if a.center().z >= b.center().z { 1.0 } else { 0.2 };
     (overlap / 0.3).min(1.0) * (rests * order).max(held)
 }
 
@@ -124,30 +102,18 @@ fn under(a: &Aabb, b: &Aabb) -> f64 {
         return 0.15 * (-3.0 * a.horizontal_gap_m(b)).exp();
     }
     let sticks_out_m = (a.max.z - b.max.z).max(0.0);
-    let order = if a.center().z < b.center().z {
-        1.0
-    } else {
-        0.2
-    };
+    let order = if a.center().z < b.center().z { 1.0 } else { 0.2 };
     let drop_m = (b.min.z - a.max.z).max(0.0);
     (overlap / 0.3).min(1.0) * order * (-sticks_out_m / 0.2 - 0.2 * drop_m).exp()
 }
 
 fn above(a: &Aabb, b: &Aabb) -> f64 {
     let gap_m = a.horizontal_gap_m(b);
-    let order = if a.center().z > b.center().z {
-        1.0
-    } else {
-        0.1
-    };
+    let order = if a.center().z > b.center().z { 1.0 } else { 0.1 };
     let sinks_m = (b.max.z - a.min.z - BOX_ERROR_M).max(0.0);
     let rise_m = (a.min.z - b.max.z).max(0.0);
     let overlap = a.footprint_overlap(b);
-    let side = if overlap > 0.0 {
-        (overlap / 0.2).min(1.0)
-    } else {
-        0.6 * (-3.0 * gap_m).exp()
-    };
+    let side = if overlap > 0.0 { (overlap / 0.2).min(1.0) } else { 0.6 * (-3.0 * gap_m).exp() };
     side * order * (-sinks_m / 0.3 - 0.3 * rise_m).exp()
 }
 
@@ -157,12 +123,7 @@ fn inside(a: &Aabb, b: &Aabb) -> f64 {
         .map(|k| {
             let common = (a.max[k].min(b.max[k]) - a.min[k].max(b.min[k])).max(0.0);
             let side = (a.max[k] - a.min[k]).max(0.01);
-            (common.max(if a.min[k] >= b.min[k] && a.max[k] <= b.max[k] {
-                0.01
-            } else {
-                0.0
-            }) / side)
-                .min(1.0)
+            (common.max(if a.min[k] >= b.min[k] && a.max[k] <= b.max[k] { 0.01 } else { 0.0 }) / side).min(1.0)
         })
         .product()
 }
@@ -175,10 +136,9 @@ fn lateral(relation: SpatialRelation, a: &Aabb, anchor: &Shape, viewer: &Viewer)
     };
     let forward = match (viewer.forward, anchor.front) {
         // An anchor with a front and nobody's view in the text: the viewer looks at the front (Sr3D's allocentric relations).
-        (None, Some(front)) => (b.center() - front)
-            .xy()
-            .try_normalize(1e-6)
-            .unwrap_or_else(|| viewer.forward_to(&b.center())),
+        (None, Some(front)) => {
+            (b.center() - front).xy().try_normalize(1e-6).unwrap_or_else(|| viewer.forward_to(&b.center()))
+        }
         _ => viewer.forward_to(&b.center()),
     };
     let left = Vector2::new(-forward.y, forward.x);
@@ -217,34 +177,21 @@ mod tests {
     }
 
     fn score(relation: SpatialRelation, a: &Aabb, b: &Aabb) -> f64 {
-        let viewer = Viewer {
-            position: Point3::new(-5.0, 0.0, 0.0),
-            forward: None,
-        };
-        let shape = |bounds| Shape {
-            bounds,
-            front: None,
-            is_container: false,
-        };
+        let viewer = Viewer { position: Point3::new(-5.0, 0.0, 0.0), forward: None };
+        let shape = |bounds| Shape { bounds, front: None, is_container: false };
         relation_score(relation, &shape(a), &shape(b), &viewer)
     }
 
     #[test]
     fn a_mug_on_a_table_is_on_it_and_near_it_and_not_under_it() {
-        let table = Aabb {
-            min: Point3::new(0.0, 0.0, 0.0),
-            max: Point3::new(1.6, 0.8, 0.75),
-        };
+        let table = Aabb { min: Point3::new(0.0, 0.0, 0.0), max: Point3::new(1.6, 0.8, 0.75) };
         let mug = cube(0.5, 0.4, 0.80, 0.1);
         assert!(score(SpatialRelation::On, &mug, &table) > 0.95);
         assert!(score(SpatialRelation::Supporting, &table, &mug) > 0.95);
         assert!(score(SpatialRelation::Near, &mug, &table) > 0.9);
         assert!(score(SpatialRelation::Under, &mug, &table) < 0.3);
         // The same mug when the mapped table has swallowed it.
-        let swollen = Aabb {
-            max: Point3::new(1.6, 0.8, 0.9),
-            ..table
-        };
+        let swollen = Aabb { max: Point3::new(1.6, 0.8, 0.9), ..table };
         assert!(score(SpatialRelation::On, &mug, &swollen) > 0.5);
         let bin = cube(0.5, 0.4, 0.2, 0.3);
         assert!(score(SpatialRelation::Under, &bin, &table) > 0.9);
@@ -256,36 +203,17 @@ mod tests {
         // The viewer stands at x = -5 and looks along +x: +y is left, nearer x is in front.
         let desk = cube(0.0, 0.0, 0.4, 0.8);
         assert!(score(SpatialRelation::LeftOf, &cube(0.0, 1.0, 0.4, 0.4), &desk) > 0.8);
-        assert_eq!(
-            score(SpatialRelation::RightOf, &cube(0.0, 1.0, 0.4, 0.4), &desk),
-            0.0
-        );
-        assert!(
-            score(
-                SpatialRelation::InFrontOf,
-                &cube(-1.0, 0.0, 0.4, 0.4),
-                &desk
-            ) > 0.8
-        );
+        assert_eq!(score(SpatialRelation::RightOf, &cube(0.0, 1.0, 0.4, 0.4), &desk), 0.0);
+        assert!(score(SpatialRelation::InFrontOf, &cube(-1.0, 0.0, 0.4, 0.4), &desk) > 0.8);
         assert!(score(SpatialRelation::Behind, &cube(1.0, 0.0, 0.4, 0.4), &desk) > 0.8);
     }
 
     #[test]
     fn near_has_its_half_at_the_named_distance() {
-        let value = score(
-            SpatialRelation::Near,
-            &cube(0.0, 0.0, 0.0, 0.2),
-            &cube(1.3, 0.0, 0.0, 0.2),
-        );
+        let value = score(SpatialRelation::Near, &cube(0.0, 0.0, 0.0, 0.2), &cube(1.3, 0.0, 0.0, 0.2));
         assert!((0.4..0.6).contains(&value), "{value}"); // gap 1.1 m, centres 1.3 m: key 1.23 m
         assert!(
-            (score(
-                SpatialRelation::Near,
-                &cube(0.0, 0.0, 0.0, 1.0),
-                &cube(0.0, 0.0, 0.0, 1.0)
-            ) - 1.0)
-                .abs()
-                < 1e-12
+            (score(SpatialRelation::Near, &cube(0.0, 0.0, 0.0, 1.0), &cube(0.0, 0.0, 0.0, 1.0)) - 1.0).abs() < 1e-12
         );
     }
 

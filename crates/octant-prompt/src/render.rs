@@ -24,12 +24,7 @@ pub struct Detail {
 }
 
 /// Writes the text; with `names`, also the meaning of every name that stands in it.
-pub fn render(
-    tiers: &Tiers,
-    instruction: &str,
-    detail: &Detail,
-    mut names: Option<&mut NameTable>,
-) -> String {
+pub fn render(tiers: &Tiers, instruction: &str, detail: &Detail, mut names: Option<&mut NameTable>) -> String {
     let mut out = String::with_capacity(1024);
     header(&mut out, tiers, names.as_deref_mut());
     focal(&mut out, tiers, detail, names.as_deref_mut());
@@ -37,11 +32,7 @@ pub fn render(
     rooms(&mut out, tiers, detail, names.as_deref_mut());
     places(&mut out, tiers, detail, names);
     out.push_str("Instruction: ");
-    one_line(
-        &mut out,
-        cut(instruction, detail.instruction_bytes),
-        usize::MAX,
-    );
+    one_line(&mut out, cut(instruction, detail.instruction_bytes), usize::MAX);
     out
 }
 
@@ -109,15 +100,9 @@ fn peripheral(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Optio
         return;
     }
     if tiers.focal.is_empty() {
-        put(
-            out,
-            format_args!("Nothing within {}m. This room (m):\n", tiers.focal_radius_m),
-        );
+        put(out, format_args!("Nothing within {}m. This room (m):\n", tiers.focal_radius_m));
     } else {
-        put(
-            out,
-            format_args!("This room, beyond {}m:\n", tiers.focal_radius_m),
-        );
+        put(out, format_args!("This room, beyond {}m:\n", tiers.focal_radius_m));
     }
     for octant in Octant::ALL {
         let mut items: Vec<&Item> = detail
@@ -143,11 +128,7 @@ fn peripheral(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Optio
         }
         out.push('\n');
     }
-    more(
-        out,
-        "more here",
-        tiers.peripheral.len() - detail.peripheral.len(),
-    );
+    more(out, "more here", tiers.peripheral.len() - detail.peripheral.len());
 }
 
 fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mut NameTable>) {
@@ -176,10 +157,7 @@ fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
         }
     }
     if folded_rooms > 0 {
-        put(
-            out,
-            format_args!("Farther: {folded_rooms} rooms, {folded_objects} objects\n"),
-        );
+        put(out, format_args!("Farther: {folded_rooms} rooms, {folded_objects} objects\n"));
     }
 }
 
@@ -188,10 +166,7 @@ fn room_line(out: &mut String, room: &RoomItem, in_full: bool) {
     if let Some(label) = &room.label {
         put(out, format_args!(" ({label})"));
     }
-    put(
-        out,
-        format_args!(" {} {:.0}m:", room.bearing, room.distance_m),
-    );
+    put(out, format_args!(" {} {:.0}m:", room.bearing, room.distance_m));
     if room.groups.is_empty() {
         out.push_str(" empty");
     }
@@ -231,10 +206,7 @@ fn places(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&m
         if index > 0 {
             out.push_str("; ");
         }
-        put(
-            out,
-            format_args!("{} {} {:.0}m", place.name, place.bearing, place.distance_m),
-        );
+        put(out, format_args!("{} {} {:.0}m", place.name, place.bearing, place.distance_m));
         if let Some(names) = names.as_deref_mut() {
             names.insert(place.name.clone(), Named::Place(place.id));
         }
@@ -259,11 +231,7 @@ fn one_line(out: &mut String, text: &str, words: usize) {
     let is_instruction = words == usize::MAX;
     let mut is_first = true;
     let limit = out.len() + if is_instruction { usize::MAX / 2 } else { 400 };
-    for word in text
-        .split(|c: char| c.is_whitespace() || c.is_control())
-        .filter(|word| !word.is_empty())
-        .take(words)
-    {
+    for word in text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).take(words) {
         if out.len() + word.len() + 1 > limit {
             break;
         }
@@ -271,10 +239,7 @@ fn one_line(out: &mut String, text: &str, words: usize) {
             out.push(' ');
         }
         is_first = false;
-        out.extend(
-            word.chars()
-                .map(|c| if c == ';' && !is_instruction { ',' } else { c }),
-        );
+        out.extend(word.chars().map(|c| if c == ';' && !is_instruction { ',' } else { c }));
     }
 }
 
@@ -288,6 +253,5 @@ fn cut(text: &str, bytes: usize) -> &str {
 }
 
 fn put(out: &mut String, arguments: std::fmt::Arguments) {
-    out.write_fmt(arguments)
-        .expect("writing to a String cannot fail");
+    out.write_fmt(arguments).expect("writing to a String cannot fail");
 }

@@ -25,9 +25,7 @@ pub enum ReplyError {
         bytes: usize,
     },
     /// No JSON object with an `action` and no call of a known verb was found.
-    #[error(
-        "no action found; reply with one of go_to_room(id), turn_to(octant), go_near(id), explore(id), stop(id)"
-    )]
+    #[error("no action found; reply with one of go_to_room(id), turn_to(octant), go_near(id), explore(id), stop(id)")]
     NoAction,
     /// The verb is none of the grammar.
     #[error("unknown action \"{verb}\"")]
@@ -70,11 +68,8 @@ pub fn parse_reply(text: &str, names: &NameTable) -> Result<Reply, ReplyError> {
             let field = |key: &str| object.get(key).and_then(Value::as_str);
             let verb = field("action").ok_or(ReplyError::NoAction)?;
             let (verb, inner) = call(verb).unwrap_or((verb.trim(), None));
-            let target = field("target").or(inner).or_else(|| {
-                ["id", "reason", "room_id", "octant"]
-                    .into_iter()
-                    .find_map(field)
-            });
+            let target =
+                field("target").or(inner).or_else(|| ["id", "reason", "room_id", "octant"].into_iter().find_map(field));
             let steps = [
                 ("room", ReasoningStep::RoomFiltering),
                 ("direction", ReasoningStep::Orientation),
@@ -84,11 +79,7 @@ pub fn parse_reply(text: &str, names: &NameTable) -> Result<Reply, ReplyError> {
             let trace = steps
                 .into_iter()
                 .filter_map(|(key, step)| {
-                    field(key).map(|output| TraceStep {
-                        step,
-                        input: key.to_string(),
-                        output: shortened(output, 200),
-                    })
+                    field(key).map(|output| TraceStep { step, input: key.to_string(), output: shortened(output, 200) })
                 })
                 .collect();
             let confidence = object
@@ -96,77 +87,35 @@ pub fn parse_reply(text: &str, names: &NameTable) -> Result<Reply, ReplyError> {
                 .and_then(Value::as_f64)
                 .filter(|value| (0.0..=1.0).contains(value))
                 .unwrap_or(0.5);
-            (
-                verb.to_string(),
-                target.map(str::to_string),
-                trace,
-                confidence,
-            )
+            (verb.to_string(), target.map(str::to_string), trace, confidence)
         }
         None => {
             let (verb, target) = last_call(text).ok_or(ReplyError::NoAction)?;
-            (
-                verb.to_string(),
-                target.map(str::to_string),
-                Vec::new(),
-                0.5,
-            )
+            (verb.to_string(), target.map(str::to_string), Vec::new(), 0.5)
         }
     };
     let action = action(&verb, target.as_deref(), names)?;
-    Ok(Reply {
-        action,
-        trace,
-        confidence,
-        text: text.to_string(),
-        answer_tokens: None,
-    })
+    Ok(Reply { action, trace, confidence, text: text.to_string(), answer_tokens: None })
 }
 
 fn action(verb: &str, target: Option<&str>, names: &NameTable) -> Result<Action, ReplyError> {
-    const VERBS: [&str; 6] = [
-        "go_to_room",
-        "turn_to",
-        "go_near",
-        "explore",
-        "stop",
-        "give_up",
-    ];
-    let folded: String = verb
-        .trim()
-        .chars()
-        .take(32)
-        .map(|c| {
-            if c == ' ' || c == '-' {
-                '_'
-            } else {
-                c.to_ascii_lowercase()
-            }
-        })
-        .collect();
+    const VERBS: [&str; 6] = ["go_to_room", "turn_to", "go_near", "explore", "stop", "give_up"];
+    let folded: String =
+        verb.trim().chars().take(32).map(|c| if c == ' ' || c == '-' { '_' } else { c.to_ascii_lowercase() }).collect();
     let verb = *VERBS
         .iter()
         .find(|known| **known == folded)
-        .ok_or_else(|| ReplyError::UnknownVerb {
-            verb: shortened(verb, 32),
-        })?;
+        .ok_or_else(|| ReplyError::UnknownVerb { verb: shortened(verb, 32) })?;
     let target = target.map(unquoted).filter(|target| !target.is_empty());
     if verb == "give_up" {
-        return Ok(Action::GiveUp {
-            reason: shortened(target.unwrap_or("the model gave no reason"), 200),
-        });
+        return Ok(Action::GiveUp { reason: shortened(target.unwrap_or("the model gave no reason"), 200) });
     }
     let target = target.ok_or(ReplyError::NoTarget { verb })?;
-    let wrong = || ReplyError::WrongKind {
-        verb,
-        name: shortened(target, 40),
-    };
+    let wrong = || ReplyError::WrongKind { verb, name: shortened(target, 40) };
     if verb == "turn_to" {
         return target.parse().map(Action::TurnTo).map_err(|_| wrong());
     }
-    let named = names.get(target).ok_or_else(|| ReplyError::UnknownName {
-        name: shortened(target, 40),
-    })?;
+    let named = names.get(target).ok_or_else(|| ReplyError::UnknownName { name: shortened(target, 40) })?;
     match (verb, named) {
         ("go_to_room", Named::Room(id)) => Ok(Action::GoToRoom(id)),
         ("go_near", Named::Object(id)) => Ok(Action::GoNear(id)),
@@ -230,14 +179,7 @@ fn call(text: &str) -> Option<(&str, Option<&str>)> {
 
 /// The last call of a known verb in prose: models end with their answer.
 fn last_call(text: &str) -> Option<(&'static str, Option<&str>)> {
-    const VERBS: [&str; 6] = [
-        "go_to_room",
-        "turn_to",
-        "go_near",
-        "explore",
-        "stop",
-        "give_up",
-    ];
+    const VERBS: [&str; 6] = ["go_to_room", "turn_to", "go_near", "explore", "stop", "give_up"];
     let found = VERBS.iter().filter_map(|verb| {
         let at = text
             .rmatch_indices(*verb)
@@ -251,9 +193,7 @@ fn last_call(text: &str) -> Option<(&'static str, Option<&str>)> {
 }
 
 fn unquoted(text: &str) -> &str {
-    text.trim()
-        .trim_matches(|c| matches!(c, '"' | '\'' | '`'))
-        .trim()
+    text.trim().trim_matches(|c| matches!(c, '"' | '\'' | '`')).trim()
 }
 
 /// At most `bytes` bytes, cut at a character, control characters as spaces.
@@ -283,36 +223,20 @@ mod tests {
     }
 
     fn check(text: &str, expected: Result<Action, ReplyError>) {
-        assert_eq!(
-            parse_reply(text, &names()).map(|reply| reply.action),
-            expected,
-            "{text:?}"
-        );
+        assert_eq!(parse_reply(text, &names()).map(|reply| reply.action), expected, "{text:?}");
     }
 
     #[test]
     fn the_grammar_in_its_spellings() {
         let near = Ok(Action::GoNear(ObjectId(7)));
         check("go_near(chair1)", near.clone());
-        check(
-            "I think go_near is right: go_near(\"chair1\").",
-            near.clone(),
-        );
+        check("I think go_near is right: go_near(\"chair1\").", near.clone());
         check(r#"{"action":"go_near","target":"chair1"}"#, near.clone());
-        check(
-            "```json\n{\n  \"action\": \"go_near('Chair1')\"\n}\n```",
-            near.clone(),
-        );
-        check(
-            r#"{} {"room":"room2","action":"go near","target":"chair1"}"#,
-            near,
-        );
+        check("```json\n{\n  \"action\": \"go_near('Chair1')\"\n}\n```", near.clone());
+        check(r#"{} {"room":"room2","action":"go near","target":"chair1"}"#, near);
         check("go_to_room(room2)", Ok(Action::GoToRoom(RoomId(2))));
         check("explore( frontier1 )", Ok(Action::Explore(PlaceId(9))));
-        check(
-            "turn_to(Back-Left-Top)",
-            Ok(Action::TurnTo(Octant::BackLeftTop)),
-        );
+        check("turn_to(Back-Left-Top)", Ok(Action::TurnTo(Octant::BackLeftTop)));
         check("stop(room2)", Ok(Action::Stop(Target::Room(RoomId(2)))));
     }
 
@@ -320,37 +244,13 @@ mod tests {
     fn what_is_wrong_is_named() {
         check("", Err(ReplyError::NoAction));
         check("chair1", Err(ReplyError::NoAction));
-        check(
-            "go_near(chair2)",
-            Err(ReplyError::UnknownName {
-                name: "chair2".into(),
-            }),
-        );
+        check("go_near(chair2)", Err(ReplyError::UnknownName { name: "chair2".into() }));
         check("go_near()", Err(ReplyError::NoTarget { verb: "go_near" }));
-        check(
-            "go_near(room2)",
-            Err(ReplyError::WrongKind {
-                verb: "go_near",
-                name: "room2".into(),
-            }),
-        );
-        check(
-            r#"{"action":"fly","target":"chair1"}"#,
-            Err(ReplyError::UnknownVerb { verb: "fly".into() }),
-        );
+        check("go_near(room2)", Err(ReplyError::WrongKind { verb: "go_near", name: "room2".into() }));
+        check(r#"{"action":"fly","target":"chair1"}"#, Err(ReplyError::UnknownVerb { verb: "fly".into() }));
         check(r#"{"action":7}"#, Err(ReplyError::NoAction));
-        assert!(matches!(
-            parse_reply(&"x".repeat(MAX_REPLY_BYTES + 1), &names()),
-            Err(ReplyError::TooLong { .. })
-        ));
+        assert!(matches!(parse_reply(&"x".repeat(MAX_REPLY_BYTES + 1), &names()), Err(ReplyError::TooLong { .. })));
         check(&"{".repeat(10_000), Err(ReplyError::NoAction));
-        check(
-            &format!(
-                "{}\"action\":\"stop\"{}",
-                "{\"a\":".repeat(50),
-                "}".repeat(50)
-            ),
-            Err(ReplyError::NoAction),
-        );
+        check(&format!("{}\"action\":\"stop\"{}", "{\"a\":".repeat(50), "}".repeat(50)), Err(ReplyError::NoAction));
     }
 }

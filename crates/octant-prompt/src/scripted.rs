@@ -17,9 +17,7 @@ pub struct ScriptedReasoner {
 impl ScriptedReasoner {
     /// A script.
     pub fn new(texts: impl IntoIterator<Item = impl Into<String>>) -> ScriptedReasoner {
-        ScriptedReasoner {
-            texts: texts.into_iter().map(Into::into).collect(),
-        }
+        ScriptedReasoner { texts: texts.into_iter().map(Into::into).collect() }
     }
 
     /// Texts not yet given.

@@ -52,24 +52,14 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
     let room_likelihood: Vec<f64> = scene
         .rooms
         .iter()
-        .map(|facts| {
-            facts
-                .probabilities
-                .iter()
-                .map(|(kind, p)| p * usual(kind, &targets))
-                .sum()
-        })
+        .map(|facts| facts.probabilities.iter().map(|(kind, p)| p * usual(kind, &targets)).sum())
         .collect();
     // Before anything is known about a room, it is as likely as a room of any kind.
     let unknown_room = 0.35;
 
     let mut out: Vec<SearchPlace> = Vec::new();
     let frontiers = situation.frontiers.iter().map(|id| (*id, true));
-    let unseen = situation
-        .unseen
-        .iter()
-        .filter(|id| !situation.frontiers.contains(id))
-        .map(|id| (*id, false));
+    let unseen = situation.unseen.iter().filter(|id| !situation.frontiers.contains(id)).map(|id| (*id, false));
     for (id, is_frontier) in frontiers.chain(unseen) {
         let Some(place) = situation.graph.place(id) else {
             continue;
@@ -77,17 +67,12 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
         if situation.has_failed(&Action::Explore(id)) {
             continue;
         }
-        let Some(path_m) = (situation.path_length)(&place.position)
-            .filter(|path_m| path_m.is_finite() && *path_m >= 0.0)
+        let Some(path_m) =
+            (situation.path_length)(&place.position).filter(|path_m| path_m.is_finite() && *path_m >= 0.0)
         else {
             continue;
         };
-        let facts_index = place.room.and_then(|room| {
-            scene
-                .rooms
-                .binary_search_by(|facts| facts.id.cmp(&room))
-                .ok()
-        });
+        let facts_index = place.room.and_then(|room| scene.rooms.binary_search_by(|facts| facts.id.cmp(&room)).ok());
         let wanted_score = place
             .room
             .and_then(|room| rooms.iter().find(|candidate| candidate.id == room))
@@ -95,11 +80,7 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
         let is_in_wanted_room = wanted_score.is_some_and(|score| score >= 0.5);
         let contents = facts_index.map_or(unknown_room, |index| room_likelihood[index]);
         let mut likelihood = if rooms.is_empty() {
-            if is_frontier {
-                0.3 + 0.7 * contents
-            } else {
-                0.15 + 0.85 * contents
-            }
+            if is_frontier { 0.3 + 0.7 * contents } else { 0.15 + 0.85 * contents }
         } else {
             match wanted_score {
                 // Inside the named room a search for a thing pays; a search for the room itself is over.
@@ -109,10 +90,8 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
                 None => 0.5,
             }
         };
-        let nearest_anchor_m = anchors
-            .iter()
-            .map(|anchor| (anchor - place.position).xy().norm())
-            .fold(f64::INFINITY, f64::min);
+        let nearest_anchor_m =
+            anchors.iter().map(|anchor| (anchor - place.position).xy().norm()).fold(f64::INFINITY, f64::min);
         if nearest_anchor_m < 3.5 {
             likelihood *= if is_frontier { 1.4 } else { 2.0 };
         }
@@ -145,27 +124,17 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
 /// The room kinds in which such things are usual, most usual first: for the trace.
 pub fn usual_rooms(goal: &Referring, count: usize) -> Vec<&'static str> {
     let targets = wanted_classes(goal);
-    let mut kinds: Vec<(f64, &'static str)> = crate::vocabulary::kind_probabilities(&[])
-        .into_iter()
-        .map(|(kind, _)| (usual(kind, &targets), kind))
-        .collect();
+    let mut kinds: Vec<(f64, &'static str)> =
+        crate::vocabulary::kind_probabilities(&[]).into_iter().map(|(kind, _)| (usual(kind, &targets), kind)).collect();
     kinds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
-    kinds
-        .into_iter()
-        .filter(|(value, _)| *value > 0.1)
-        .take(count)
-        .map(|(_, kind)| kind)
-        .collect()
+    kinds.into_iter().filter(|(value, _)| *value > 0.1).take(count).map(|(_, kind)| kind).collect()
 }
 
 /// A frontier in another room leads on: corridors most, rooms of another known kind least.
 fn leads_on(facts: Option<usize>, scene: &Scene) -> f64 {
     let Some(index) = facts else { return 0.5 };
-    let corridor = scene.rooms[index]
-        .probabilities
-        .iter()
-        .find(|(kind, _)| *kind == "corridor")
-        .map_or(0.0, |(_, p)| *p);
+    let corridor =
+        scene.rooms[index].probabilities.iter().find(|(kind, _)| *kind == "corridor").map_or(0.0, |(_, p)| *p);
     let named = scene.rooms[index].kind.as_ref();
     match named {
         Some((kind, _)) if kind == "corridor" || kind == "lobby" => 0.7,
@@ -176,29 +145,17 @@ fn leads_on(facts: Option<usize>, scene: &Scene) -> f64 {
 
 /// How usual the target (or, less, an anchor) is in rooms of a kind.
 fn usual(kind: &str, targets: &[(Class, f64)]) -> f64 {
-    targets
-        .iter()
-        .map(|(class, weight)| weight * affinity(kind, class))
-        .fold(0.0, f64::max)
+    targets.iter().map(|(class, weight)| weight * affinity(kind, class)).fold(0.0, f64::max)
 }
 
 /// The target with weight 1 and its anchors with less: a mug near a sink is looked for where sinks are.
 fn wanted_classes(goal: &Referring) -> Vec<(Class, f64)> {
     let mut classes = vec![(goal.class.clone(), 1.0)];
     for clause in goal.relations.iter().filter(|clause| !clause.negated) {
-        classes.extend(
-            clause
-                .anchors
-                .iter()
-                .map(|anchor| (anchor.class.clone(), 0.9)),
-        );
+        classes.extend(clause.anchors.iter().map(|anchor| (anchor.class.clone(), 0.9)));
     }
     if let Some(room) = &goal.room {
-        classes.extend(
-            room.contains
-                .iter()
-                .map(|content| (content.class.clone(), 0.9)),
-        );
+        classes.extend(room.contains.iter().map(|content| (content.class.clone(), 0.9)));
     }
     classes.retain(|(class, _)| !class.text.is_empty());
     classes
@@ -206,18 +163,9 @@ fn wanted_classes(goal: &Referring) -> Vec<(Class, f64)> {
 
 /// Positions of known anchors of the goal.
 fn anchor_positions(situation: &Situation, goal: &Referring, scene: &Scene) -> Vec<Point3<f64>> {
-    let anchors = goal
-        .relations
-        .iter()
-        .filter(|clause| !clause.negated)
-        .flat_map(|clause| &clause.anchors);
+    let anchors = goal.relations.iter().filter(|clause| !clause.negated).flat_map(|clause| &clause.anchors);
     let found = anchors.flat_map(|anchor| {
-        ground(anchor, scene, &situation.viewer())
-            .into_iter()
-            .filter(|found| found.total >= 0.5)
-            .take(8)
+        ground(anchor, scene, &situation.viewer()).into_iter().filter(|found| found.total >= 0.5).take(8)
     });
-    found
-        .map(|found| scene.things[found.index].bounds.center())
-        .collect()
+    found.map(|found| scene.things[found.index].bounds.center()).collect()
 }

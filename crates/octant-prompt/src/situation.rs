@@ -94,9 +94,7 @@ impl<'a> Situation<'a> {
 
     /// The robot's storey.
     pub fn floor(&self) -> i32 {
-        self.room()
-            .and_then(|id| self.graph.room(id))
-            .map_or(0, |room| room.floor)
+        self.room().and_then(|id| self.graph.room(id)).map_or(0, |room| room.floor)
     }
 
     /// A world point in the body frame (Eq. 8).
@@ -111,10 +109,8 @@ impl<'a> Situation<'a> {
             _ => action == other,
         };
         self.rejected.iter().any(|critique| {
-            matches!(
-                critique.code,
-                CritiqueCode::Unreachable | CritiqueCode::Failed
-            ) && critique.action.as_ref().is_some_and(same)
+            matches!(critique.code, CritiqueCode::Unreachable | CritiqueCode::Failed)
+                && critique.action.as_ref().is_some_and(same)
         })
     }
 
@@ -142,11 +138,9 @@ impl<'a> Situation<'a> {
 /// The room of a point: by the places of the graph; in a graph whose places know no rooms the room with the nearest centre.
 pub fn room_of(graph: &SceneGraph, point: &Point3<f64>) -> Option<RoomId> {
     graph.room_at(point).or_else(|| {
-        let nearest = graph.rooms().min_by(|a, b| {
-            (a.center - point)
-                .norm_squared()
-                .total_cmp(&(b.center - point).norm_squared())
-        });
+        let nearest = graph
+            .rooms()
+            .min_by(|a, b| (a.center - point).norm_squared().total_cmp(&(b.center - point).norm_squared()));
         nearest.map(|room| room.id)
     })
 }

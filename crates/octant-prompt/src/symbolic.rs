@@ -47,40 +47,27 @@ impl SymbolicReasoner {
     /// # Errors
     /// [`ReasonerError::NoSuchStep`] when all steps are done.
     pub fn reply(&self, situation: &Situation) -> Result<Reply, ReasonerError> {
-        let step = situation
-            .step()
-            .ok_or(ReasonerError::NoSuchStep(situation.step_index))?;
+        let step = situation.step().ok_or(ReasonerError::NoSuchStep(situation.step_index))?;
         let known = candidates(situation, &self.grounding);
         let action = match known.chosen {
             Some(choice) => approach(situation, &choice),
             None => match known.places.first() {
                 Some(place) => Action::Explore(place.id),
-                None => Action::GiveUp {
-                    reason: reason_to_give_up(step, &known),
-                },
+                None => Action::GiveUp { reason: reason_to_give_up(step, &known) },
             },
         };
         let trace = trace(situation, step, &known, &action);
         let confidence = match (known.chosen, &action) {
             (Some(choice), _) => choice.confidence,
             (None, Action::GiveUp { .. }) => 0.5,
-            (None, _) => known
-                .places
-                .first()
-                .map_or(0.0, |place| place.likelihood.clamp(0.0, 1.0) * 0.5),
+            (None, _) => known.places.first().map_or(0.0, |place| place.likelihood.clamp(0.0, 1.0) * 0.5),
         };
         let text = trace
             .iter()
             .map(|line| format!("{}: {} -> {}\n", line.step.word(), line.input, line.output))
             .chain([action.to_string()])
             .collect();
-        Ok(Reply {
-            action,
-            trace,
-            confidence,
-            text,
-            answer_tokens: None,
-        })
+        Ok(Reply { action, trace, confidence, text, answer_tokens: None })
     }
 }
 
@@ -89,9 +76,7 @@ fn approach(situation: &Situation, choice: &Choice) -> Action {
     match choice.target {
         Target::Room(id) if is_well_inside(situation, id) => Action::Stop(choice.target),
         Target::Room(id) => Action::GoToRoom(id),
-        Target::Object(id) if (situation.can_stop)(id) && is_seen_well(situation, id) => {
-            Action::Stop(choice.target)
-        }
+        Target::Object(id) if (situation.can_stop)(id) && is_seen_well(situation, id) => Action::Stop(choice.target),
         Target::Object(id) => Action::GoNear(id),
     }
 }
@@ -101,10 +86,7 @@ pub(crate) fn is_seen_well(situation: &Situation, id: dsg::ObjectId) -> bool {
     /// Vote margin below which a label may still turn.
     const CLEAR_MARGIN: f64 = 0.25;
     situation.inspected.contains(&id)
-        || situation
-            .graph
-            .object(id)
-            .is_some_and(|object| object.confirmed && object.label_margin >= CLEAR_MARGIN)
+        || situation.graph.object(id).is_some_and(|object| object.confirmed && object.label_margin >= CLEAR_MARGIN)
 }
 
 fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
@@ -118,16 +100,8 @@ fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
         };
     }
     let class = &goal.class.text;
-    let fitting = known
-        .objects
-        .iter()
-        .filter(|candidate| candidate.is_accepted)
-        .count();
-    let of_class = known
-        .objects
-        .iter()
-        .filter(|candidate| candidate.found.class >= 0.6)
-        .count();
+    let fitting = known.objects.iter().filter(|candidate| candidate.is_accepted).count();
+    let of_class = known.objects.iter().filter(|candidate| candidate.found.class >= 0.6).count();
     if fitting > 0 {
         format!("I know where the {goal} is, but found no way to it.")
     } else if of_class > 0 {
@@ -139,86 +113,39 @@ fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
     }
 }
 
-fn trace(
-    situation: &Situation,
-    step: &Step,
-    known: &Candidates,
-    action: &Action,
-) -> Vec<TraceStep> {
-    let line = |step: ReasoningStep, input: String, output: String| TraceStep {
-        step,
-        input,
-        output,
-    };
+fn trace(situation: &Situation, step: &Step, known: &Candidates, action: &Action) -> Vec<TraceStep> {
+    let line = |step: ReasoningStep, input: String, output: String| TraceStep { step, input, output };
     vec![
-        line(
-            ReasoningStep::RoomFiltering,
-            format!("rooms for \"{}\"", step.goal),
-            rooms_line(situation, known),
-        ),
-        line(
-            ReasoningStep::Orientation,
-            format!("direction of {action}"),
-            orientation_line(situation, known, action),
-        ),
+        line(ReasoningStep::RoomFiltering, format!("rooms for \"{}\"", step.goal), rooms_line(situation, known)),
+        line(ReasoningStep::Orientation, format!("direction of {action}"), orientation_line(situation, known, action)),
         line(
             ReasoningStep::FunctionalGroup,
             format!(
                 "where is a {} usual",
-                if step.goal.class.text.is_empty() {
-                    step.goal.to_string()
-                } else {
-                    step.goal.class.text.clone()
-                }
+                if step.goal.class.text.is_empty() { step.goal.to_string() } else { step.goal.class.text.clone() }
             ),
             group_line(situation, step, known),
         ),
         line(
             ReasoningStep::Localisation,
-            format!(
-                "\"{}\" among {} objects",
-                step.goal,
-                known.scene.things.len()
-            ),
+            format!("\"{}\" among {} objects", step.goal, known.scene.things.len()),
             localisation_line(situation, known, action),
         ),
     ]
 }
 
 fn rooms_line(situation: &Situation, known: &Candidates) -> String {
-    let name = |id| {
-        situation
-            .graph
-            .room(id)
-            .map_or_else(|| format!("{id}"), |room| room.name.clone())
-    };
+    let name = |id| situation.graph.room(id).map_or_else(|| format!("{id}"), |room| room.name.clone());
     if known.rooms.is_empty() {
-        let reachable = known
-            .scene
-            .rooms
-            .iter()
-            .filter(|room| situation.path_to_room(room.id).is_some())
-            .count();
-        return format!(
-            "no room named; {reachable} of {} rooms reachable",
-            known.scene.rooms.len()
-        );
+        let reachable = known.scene.rooms.iter().filter(|room| situation.path_to_room(room.id).is_some()).count();
+        return format!("no room named; {reachable} of {} rooms reachable", known.scene.rooms.len());
     }
     let list: Vec<String> = known
         .rooms
         .iter()
         .take(3)
         .map(|room| {
-            format!(
-                "{} {:.2}{}",
-                name(room.id),
-                room.score,
-                if room.path_m.is_none() {
-                    " (no way)"
-                } else {
-                    ""
-                }
-            )
+            format!("{} {:.2}{}", name(room.id), room.score, if room.path_m.is_none() { " (no way)" } else { "" })
         })
         .collect();
     list.join(", ")
@@ -226,9 +153,7 @@ fn rooms_line(situation: &Situation, known: &Candidates) -> String {
 
 fn orientation_line(situation: &Situation, known: &Candidates, action: &Action) -> String {
     let point = match action {
-        Action::GoToRoom(id) | Action::Stop(Target::Room(id)) => {
-            situation.graph.room(*id).map(|room| room.center)
-        }
+        Action::GoToRoom(id) | Action::Stop(Target::Room(id)) => situation.graph.room(*id).map(|room| room.center),
         Action::GoNear(id) | Action::Stop(Target::Object(id)) => {
             situation.graph.object(*id).map(|object| object.centroid)
         }
@@ -240,24 +165,14 @@ fn orientation_line(situation: &Situation, known: &Candidates, action: &Action) 
         || "nowhere left to go".to_string(),
         |point| {
             let in_body = situation.in_body(&point);
-            format!(
-                "{} {:.1} m",
-                octant_of(&in_body, situation.camera_height_m),
-                in_body.coords.norm()
-            )
+            format!("{} {:.1} m", octant_of(&in_body, situation.camera_height_m), in_body.coords.norm())
         },
     )
 }
 
 fn group_line(situation: &Situation, step: &Step, known: &Candidates) -> String {
     let groups = situation.graph.groups().filter(|group| {
-        group.members.iter().any(|member| {
-            known
-                .objects
-                .iter()
-                .take(3)
-                .any(|candidate| candidate.found.id == *member)
-        })
+        group.members.iter().any(|member| known.objects.iter().take(3).any(|candidate| candidate.found.id == *member))
     });
     let named: Vec<String> = groups.take(2).map(|group| group.name.clone()).collect();
     let usual = usual_rooms(&step.goal, 3).join(", ");
@@ -274,31 +189,17 @@ fn localisation_line(situation: &Situation, known: &Candidates, action: &Action)
         .iter()
         .take(3)
         .map(|candidate| {
-            let label = situation
-                .graph
-                .object(candidate.found.id)
-                .map_or("", |object| object.label.as_str());
+            let label = situation.graph.object(candidate.found.id).map_or("", |object| object.label.as_str());
             format!(
                 "{} {label} {:.2}{}",
                 candidate.found.id,
                 candidate.found.total,
-                if candidate.is_accepted {
-                    ""
-                } else {
-                    " (not all parts hold)"
-                }
+                if candidate.is_accepted { "" } else { " (not all parts hold)" }
             )
         })
         .collect();
-    let list = if list.is_empty() {
-        "no candidate".to_string()
-    } else {
-        list.join(", ")
-    };
-    let guess = if known.chosen.is_some_and(|choice| choice.is_guess) {
-        "; nothing left to search, best guess"
-    } else {
-        ""
-    };
+    let list = if list.is_empty() { "no candidate".to_string() } else { list.join(", ") };
+    let guess =
+        if known.chosen.is_some_and(|choice| choice.is_guess) { "; nothing left to search, best guess" } else { "" };
     format!("{list}{guess} => {action}")
 }

@@ -132,11 +132,7 @@ pub fn tiers(view: &View) -> Tiers {
     let position = Point3::from(view.world_from_body.translation.vector);
     let here = room_of(view.graph, &position);
     let (classes, mut rows) = rows(view);
-    let by_distance = |a: &Row, b: &Row| {
-        a.distance_m
-            .total_cmp(&b.distance_m)
-            .then(a.object.id.cmp(&b.object.id))
-    };
+    let by_distance = |a: &Row, b: &Row| a.distance_m.total_cmp(&b.distance_m).then(a.object.id.cmp(&b.object.id));
     if view.config.naming == Naming::Rank {
         rows.sort_by(by_distance); // else by id, as the graph lists them: the order gives the ordinals
     }
@@ -145,15 +141,8 @@ pub fn tiers(view: &View) -> Tiers {
         .iter()
         .map(|row| {
             let facts = &classes[row.class];
-            let ordinal = ordinals
-                .entry((row.object.room, facts.token.as_str()))
-                .and_modify(|n| *n += 1)
-                .or_insert(1);
-            let mut name = if row.object.room == here {
-                String::new()
-            } else {
-                room_name(row.object.room) + "."
-            };
+            let ordinal = ordinals.entry((row.object.room, facts.token.as_str())).and_modify(|n| *n += 1).or_insert(1);
+            let mut name = if row.object.room == here { String::new() } else { room_name(row.object.room) + "." };
             name.push_str(&facts.token);
             name.push_str(&ordinal.to_string());
             name
@@ -175,22 +164,12 @@ pub fn tiers(view: &View) -> Tiers {
             octant: octant_of(&row.in_body, view.config.camera_height_m),
             distance_m: row.distance_m,
             is_asked: facts.is_asked,
-            caption: if facts.is_asked {
-                row.object.caption.clone()
-            } else {
-                String::new()
-            },
+            caption: if facts.is_asked { row.object.caption.clone() } else { String::new() },
         };
-        if row.distance_m <= view.config.focal_radius_m {
-            focal.push(item)
-        } else {
-            peripheral.push(item)
-        }
+        if row.distance_m <= view.config.focal_radius_m { focal.push(item) } else { peripheral.push(item) }
     }
     for items in [&mut focal, &mut peripheral] {
-        items.sort_by(|a: &Item, b: &Item| {
-            a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id))
-        });
+        items.sort_by(|a: &Item, b: &Item| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
     }
 
     let mut rooms: Vec<RoomItem> = Vec::new();
@@ -201,21 +180,16 @@ pub fn tiers(view: &View) -> Tiers {
         .map(|room| (Some(room.id), room.center, own_name(&room.name)));
     for (id, center, label) in others {
         let members = elsewhere.remove(&id).unwrap_or_default();
-        rooms.push(room_item(
-            view, id, label, &center, &members, &rows, &classes, &names,
-        ));
+        rooms.push(room_item(view, id, label, &center, &members, &rows, &classes, &names));
     }
     if let Some(members) = elsewhere.remove(&None).filter(|_| here.is_some()) {
         let center = rows[members[0]].object.centroid;
-        rooms.push(room_item(
-            view, None, None, &center, &members, &rows, &classes, &names,
-        ));
+        rooms.push(room_item(view, None, None, &center, &members, &rows, &classes, &names));
     }
     rooms.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
 
-    let own = here
-        .and_then(|id| view.graph.room(id))
-        .map(|room| (room.id, room_name(Some(room.id)), own_name(&room.name)));
+    let own =
+        here.and_then(|id| view.graph.room(id)).map(|room| (room.id, room_name(Some(room.id)), own_name(&room.name)));
     Tiers {
         here: own,
         focal_radius_m: view.config.focal_radius_m,
@@ -237,9 +211,7 @@ fn rows<'a>(view: &View<'a>) -> (Vec<ClassFacts>, Vec<Row<'a>>) {
         .map(|object| {
             let class = *index.entry(object.label.as_str()).or_insert_with(|| {
                 let class = Class::new(&object.label);
-                let is_asked = asked
-                    .iter()
-                    .any(|noun| class_similarity(noun, &class) >= 0.5);
+                let is_asked = asked.iter().any(|noun| class_similarity(noun, &class) >= 0.5);
                 classes.push(ClassFacts {
                     token: class_token(&object.label),
                     group: functional_group(&class),
@@ -248,12 +220,7 @@ fn rows<'a>(view: &View<'a>) -> (Vec<ClassFacts>, Vec<Row<'a>>) {
                 classes.len() - 1
             });
             let in_body = point_in_body(view.world_from_body, &object.centroid);
-            Row {
-                object,
-                class,
-                in_body,
-                distance_m: in_body.coords.norm(),
-            }
+            Row { object, class, in_body, distance_m: in_body.coords.norm() }
         })
         .collect();
     (classes, rows)
@@ -274,26 +241,19 @@ fn room_item(
     let mut groups: Vec<GroupItem> = Vec::new();
     for &member in members {
         let (facts, distance_m) = (&classes[rows[member].class], rows[member].distance_m);
-        let at = groups
-            .iter()
-            .position(|group| group.group == facts.group)
-            .unwrap_or_else(|| {
-                groups.push(GroupItem {
-                    group: facts.group,
-                    counts: Vec::new(),
-                    nearest_m: f64::INFINITY,
-                    farthest_m: 0.0,
-                });
-                groups.len() - 1
+        let at = groups.iter().position(|group| group.group == facts.group).unwrap_or_else(|| {
+            groups.push(GroupItem {
+                group: facts.group,
+                counts: Vec::new(),
+                nearest_m: f64::INFINITY,
+                farthest_m: 0.0,
             });
+            groups.len() - 1
+        });
         let group = &mut groups[at];
         group.nearest_m = group.nearest_m.min(distance_m);
         group.farthest_m = group.farthest_m.max(distance_m);
-        match group
-            .counts
-            .iter_mut()
-            .find(|(token, _)| *token == facts.token)
-        {
+        match group.counts.iter_mut().find(|(token, _)| *token == facts.token) {
             Some((_, count)) => *count += 1,
             None => group.counts.push((facts.token.clone(), 1)),
         }
@@ -308,14 +268,9 @@ fn room_item(
         label,
         bearing: Bearing::of(&in_body),
         distance_m: in_body.coords.norm(),
-        is_asked: members
-            .iter()
-            .any(|member| classes[rows[*member].class].is_asked),
+        is_asked: members.iter().any(|member| classes[rows[*member].class].is_asked),
         groups,
-        objects: members
-            .iter()
-            .map(|member| (names[*member].clone(), rows[*member].object.id))
-            .collect(),
+        objects: members.iter().map(|member| (names[*member].clone(), rows[*member].object.id)).collect(),
     }
 }
 
@@ -328,13 +283,7 @@ fn places(view: &View) -> Vec<PlaceItem> {
         let mut sorted: Vec<(f64, PlaceId, Point3<f64>)> = list
             .iter()
             .filter_map(|id| view.graph.place(*id))
-            .filter_map(|place| {
-                Some((
-                    (view.path_length)(&place.position)?,
-                    place.id,
-                    place.position,
-                ))
-            })
+            .filter_map(|place| Some(((view.path_length)(&place.position)?, place.id, place.position)))
             .filter(|(distance_m, _, _)| distance_m.is_finite())
             .collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -343,18 +292,10 @@ fn places(view: &View) -> Vec<PlaceItem> {
             if chosen.len() == MAX_PLACES {
                 break;
             }
-            if chosen
-                .iter()
-                .all(|other| (other - position).norm() >= SPREAD_M)
-            {
+            if chosen.iter().all(|other| (other - position).norm() >= SPREAD_M) {
                 chosen.push(position);
                 let bearing = Bearing::of(&point_in_body(view.world_from_body, &position));
-                out.push(PlaceItem {
-                    id,
-                    name: format!("{word}{}", chosen.len()),
-                    bearing,
-                    distance_m,
-                });
+                out.push(PlaceItem { id, name: format!("{word}{}", chosen.len()), bearing, distance_m });
             }
         }
     }
@@ -371,9 +312,7 @@ fn own_name(name: &str) -> Option<String> {
     while out.len() > 24 {
         out.pop();
     }
-    let numbered = out
-        .strip_prefix("room ")
-        .is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()));
+    let numbered = out.strip_prefix("room ").is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()));
     let out = out.trim_end().to_string();
     (!out.is_empty() && out != "room" && !numbered).then_some(out)
 }
