@@ -3,9 +3,9 @@
 //! 1. *Band.* Every return pulls the voxels from `truncation` in front of it to `behind` behind it towards its own signed
 //!    distance along the ray (Curless and Levoy 1996, with a capped weight, so that the map follows the newest evidence).
 //! 2. *Look-through.* Rays that end in different voxels mark what they pass, stopping one voxel before the return. A voxel
-//!    in the band of any return of this scan is never cleared by this scan; an occupied voxel is cleared only if
-//!    none of its face neighbours holds a return of this scan and the ray ends well behind the surface that the voxel
-//!    belongs to. That keeps floors at grazing angles, table legs and door frames.
+//!    in the band of any return of this scan is never cleared by this scan; a voxel near a surface is cleared only if
+//!    none of its face neighbours holds a return of this scan and the ray ends well off the surface that the voxel
+//!    belongs to. That keeps floors and table tops at grazing angles, table legs and door frames.
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
 //! Cost: about seven voxels a return for the band; the walk jumps over blocks that are firmly free already.
@@ -66,27 +66,29 @@ impl Volume {
         self.revision += 1;
         let blocks_before = self.blocks.len();
         let mut scan = Scan { report: IntegrationReport::default(), touched: Vec::new(), origin, last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE) };
-        let mut rays = Vec::with_capacity(points_in_world.len() / 2);
-        self.pull_bands(points_in_world, &mut scan, &mut rays);
+        let rays = self.mark_returns(points_in_world, &mut scan);
+        for ray in &rays {
+            if let Some(end) = ray.end {
+                self.pull_band(ray, end, &mut scan);
+            }
+        }
         for id in &scan.touched {
             self.blocks[*id as usize].refresh(&self.thresholds, self.revision);
         }
-        for ray in &rays {
+        for ray in rays.iter().filter(|ray| ray.is_clearing) {
+            scan.report.clearing_rays += 1;
             self.look_through(ray, &mut scan);
         }
         self.clear_marked(&mut scan);
-        scan.report.clearing_rays = rays.len();
         scan.report.new_blocks = self.blocks.len() - blocks_before;
         Ok(scan.report)
     }
 
-    /// Step 1; collects the rays that shall clear, one per end voxel.
-    fn pull_bands(&mut self, points: &[Point3<f32>], scan: &mut Scan, rays: &mut Vec<Ray>) {
+    /// Checks the points, marks the voxels that hold returns, and chooses the rays that shall clear: the first into each voxel.
+    fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
-        let (front, behind) = (self.config.truncation_m * scale, self.config.behind_m * scale);
         let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
-        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
-        let revision = self.revision;
+        let mut rays = Vec::with_capacity(points.len());
         let mut end_voxels = 0usize;
         for point in points {
             let offset = point.coords.cast::<f64>() * scale - scan.origin;
@@ -99,56 +101,67 @@ impl Volume {
                 scan.report.too_near += 1;
                 continue;
             }
-            let direction = offset / range;
-            if range > far {
+            let mut ray = Ray { direction: offset / range, range, end: None, is_clearing: false };
+            let is_first = if range > far {
                 scan.report.beyond_range += 1;
-                end_voxels += 1;
-                if end_voxels.is_multiple_of(self.config.clear_every) {
-                    rays.push(Ray { direction, stop: far, range: far });
-                }
-                continue;
-            }
-            scan.report.integrated += 1;
-            let mut walk = RayWalk::new(scan.origin.into(), direction.into(), (range - front).max(0.0));
-            let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
-            let mut is_before_return = true;
-            loop {
-                let (axis, t) = walk.next_border();
-                if id != NONE {
+                ray.range = far;
+                true
+            } else {
+                scan.report.integrated += 1;
+                let end: [i32; 3] = (scan.origin + offset).map(|q| q.floor() as i32).into();
+                ray.end = Some(end);
+                let id = self.enter(BlockKey::of_voxel(end), scan);
+                id != NONE && {
                     let block = &mut self.blocks[id as usize];
-                    let local = local_of(walk.index);
-                    let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
-                    let signed = range - (center - scan.origin).dot(&direction);
-                    if signed >= -behind {
-                        let stored = (signed * units_per_voxel).min(f64::from(DISTANCE_ONE)) as f32;
-                        block.observe_distance(local, stored, &self.thresholds);
-                        insert(&mut block.in_band, local);
-                    }
-                    if is_before_return && t > range {
-                        // The voxel of the return itself: mark it, and let the first return in it clear the way.
-                        is_before_return = false;
-                        block.surface_revision = revision;
-                        if !contains(&block.hit, local) {
-                            insert(&mut block.hit, local);
-                            end_voxels += 1;
-                            if end_voxels.is_multiple_of(self.config.clear_every) {
-                                rays.push(Ray { direction, stop: range - 1.0, range });
-                            }
-                        }
-                    }
+                    block.surface_revision = self.revision;
+                    let local = local_of(end);
+                    let is_first = !contains(&block.hit, local);
+                    insert(&mut block.hit, local);
+                    is_first
                 }
-                if t > range + behind {
-                    break;
+            };
+            end_voxels += usize::from(is_first);
+            ray.is_clearing = is_first && end_voxels.is_multiple_of(self.config.clear_every);
+            rays.push(ray);
+        }
+        rays
+    }
+
+    /// Step 1 for one return.
+    fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
+        let scale = 1.0 / self.config.voxel_m;
+        let (front, behind) = (self.config.truncation_m * scale, self.config.behind_m * scale);
+        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
+        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
+        let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
+        loop {
+            if id != NONE {
+                let block = &mut self.blocks[id as usize];
+                let local = local_of(walk.index);
+                let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
+                let signed = ray.range - (center - scan.origin).dot(&ray.direction);
+                // A ray that slides over a surface and ends farther on says nothing against a voxel that another ray hit.
+                let slides_over = signed > 0.5 && walk.index != end && contains(&block.hit, local);
+                if signed >= -behind && !slides_over {
+                    let stored = (signed * units_per_voxel).min(f64::from(DISTANCE_ONE)) as f32;
+                    block.observe_distance(local, stored, &self.thresholds);
+                    insert(&mut block.in_band, local);
                 }
-                walk.cross(axis);
-                id = self.follow(id, &walk, axis, scan);
             }
+            let (axis, t) = walk.next_border();
+            if t > ray.range + behind {
+                return;
+            }
+            walk.cross(axis);
+            id = self.follow(id, &walk, axis, scan);
         }
     }
 
     /// Step 2 for one ray.
     fn look_through(&mut self, ray: &Ray, scan: &mut Scan) {
-        if ray.stop <= 0.0 {
+        // One voxel before the return, or all the way if there is none.
+        let stop = if ray.end.is_some() { ray.range - 1.0 } else { ray.range };
+        if stop <= 0.0 {
             return;
         }
         let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), 0.0);
@@ -160,7 +173,7 @@ impl Volume {
                     walk.jump_to_block_end();
                 } else {
                     let local = local_of(walk.index);
-                    if !contains(&block.occupied, local) {
+                    if !contains(&block.near_surface, local) {
                         insert(&mut block.seen_through, local);
                     } else if !contains(&block.seen_through, local)
                         && !contains(&block.in_band, local)
@@ -171,7 +184,7 @@ impl Volume {
                 }
             }
             let (axis, t) = walk.next_border();
-            if t > ray.stop {
+            if t > stop {
                 return;
             }
             walk.cross(axis);
@@ -179,32 +192,43 @@ impl Volume {
         }
     }
 
-    /// May a ray clear the occupied voxel it stands in?
+    /// May a ray clear the voxel near a surface that it stands in?
     fn may_clear(&self, id: u32, walk: &RayWalk, ray: &Ray, origin: &Vector3<f64>) -> bool {
-        let mut gradient = Vector3::zeros();
         let here = f64::from(self.blocks[id as usize].distance[local_of(walk.index)]);
+        let noticeable = 0.6 * f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
+        // The surfaces the voxel may belong to: the border of a solid (by the gradient of the distance), or a sheet that is free on
+        // both sides of one axis. A pole or a crumb is a sheet along two axes or three: no surface that a ray could slide over.
+        let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
+        let rest = ray.range - (center - origin).dot(&ray.direction);
+        let mut gradient = Vector3::zeros();
+        let mut sheets = 0;
+        let mut ends_off_sheet = true;
         for axis in 0..3 {
-            let mut values = [here; 2];
-            for (side, value) in values.iter_mut().enumerate() {
+            let mut rise = [0.0; 2];
+            for (side, rise) in rise.iter_mut().enumerate() {
                 let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else { continue };
                 if block.scan == self.revision && contains(&block.hit, local) {
                     return false;
                 }
                 if block.weight[local] > 0 {
-                    *value = f64::from(block.distance[local]);
+                    *rise = f64::from(block.distance[local]) - here;
                 }
             }
-            gradient[axis] = values[1] - values[0];
+            gradient[axis] = rise[1] - rise[0];
+            if rise[0].min(rise[1]) > noticeable {
+                sheets += 1;
+                ends_off_sheet = rest * ray.direction[axis].abs() > CLEAR_DEPTH_VOXELS;
+            }
         }
-        let norm = gradient.norm();
-        if norm < 1.0 {
-            return true;
+        // A ray that ends in the tangent plane of the surface slid over it and says nothing against it.
+        let steepness = gradient.norm();
+        let ends_off_border = rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * steepness;
+        match (sheets, steepness > noticeable) {
+            (0, true) => ends_off_border,
+            (1, true) => ends_off_border || ends_off_sheet,
+            (1, false) => ends_off_sheet,
+            _ => true,
         }
-        // How far behind (or in front of) the voxel's own tangent plane the ray ends. A ray that grazes the floor ends on the
-        // floor: it says nothing against the voxels it slid over.
-        let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
-        let rest = ray.range - (center - origin).dot(&ray.direction);
-        rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * norm
     }
 
     fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
@@ -296,6 +320,8 @@ struct Scan {
 /// Lengths in voxels.
 struct Ray {
     direction: Vector3<f64>,
-    stop: f64,
     range: f64,
+    /// The voxel of the return; none beyond the range.
+    end: Option<[i32; 3]>,
+    is_clearing: bool,
 }

@@ -144,6 +144,7 @@ pub struct PlaceGraph {
     places: Vec<Place>,
     edges: Vec<PlaceEdge>,
     next_id: u64,
+    seen_version: Option<u64>,
     /// Index into `places` per cell of the field seen last, [`NO_REGION`] outside; and that field's layout.
     region: Vec<u32>,
     layout: ([i32; 3], [usize; 3], f64),
@@ -158,12 +159,25 @@ impl PlaceGraph {
     /// [`PlaceConfigError`] if the configuration is not valid.
     pub fn new(config: PlaceConfig) -> Result<Self, PlaceConfigError> {
         config.validate()?;
-        Ok(Self { config, places: Vec::new(), edges: Vec::new(), next_id: 0, region: Vec::new(), layout: ([0; 3], [0; 3], 1.0) })
+        Ok(Self {
+            config,
+            places: Vec::new(),
+            edges: Vec::new(),
+            next_id: 0,
+            seen_version: None,
+            region: Vec::new(),
+            layout: ([0; 3], [0; 3], 1.0),
+        })
     }
 
     /// Brings the graph up to date with the field and tells what changed: removals first, then places, then edges, each
-    /// in ascending order. The same sequence of fields gives the same graph.
+    /// in ascending order. The same sequence of fields gives the same graph; a field that did not change since the last call
+    /// gives no events at once.
     pub fn update(&mut self, field: &DistanceField) -> Vec<PlaceEvent> {
+        if self.seen_version == Some(field.version()) {
+            return Vec::new();
+        }
+        self.seen_version = Some(field.version());
         let flood = Flood::run(field, &self.config, &self.places);
         let (places, edges, region) = flood.finish(&mut self.next_id);
         let mut events = Vec::new();
@@ -354,7 +368,7 @@ impl<'a> Flood<'a> {
         (clamp(first), clamp(end).max(clamp(first)))
     }
 
-    /// Lets an old place open its region again: at its own cell, or at a clearly wider one close by. Gone if there is none.
+    /// Lets an old place open its region again: at its own cell, or at a wider one close by. Gone if there is none.
     fn anchor(&mut self, place: &Place) {
         let field = self.field;
         let Some(home) = field.cell_at(&place.position) else { return };
@@ -362,12 +376,17 @@ impl<'a> Flood<'a> {
         let (first, end) = self.band_cells();
         let is_member =
             |cell: usize| (first..end).contains(&cell) && field.state[cell] == Cell::Free && field.squared[cell] >= floor;
+        let is_ridge = |cell: usize| is_member(cell) && basis_points(field, cell) >= 2;
         let mut best = is_member(home).then_some(home);
-        // Climb cell by cell, at most three steps, and only for a gain of half a cell: noise must not move places.
+        // A place stays where it is as long as it lies on the Voronoi diagram: following the widest cell would let it run along the
+        // ridge into its neighbour. Off it (a wall came into view) it climbs, at most three cells an update.
         let mut here = home;
         for _ in 0..3 {
+            if is_ridge(here) {
+                break;
+            }
             let mut next = None;
-            let mut top = if is_member(here) { field.cell_distance(here) + 0.5 * field.resolution_m } else { 0.0 };
+            let mut top = if is_member(here) { field.cell_distance(here) } else { 0.0 };
             for cell in self.box_around(here) {
                 if is_member(cell) && field.cell_distance(cell) > top {
                     top = field.cell_distance(cell);
@@ -445,9 +464,9 @@ impl<'a> Flood<'a> {
                 Some(region)
                     if self.gap(region, here) > spacing_squared
                         && field.squared[cell] >= min_place
+                        && self.is_far_from_all(here, spacing_squared)
                         && basis_points(field, cell) >= 2 =>
                 {
-                    let _ = region;
                     self.open(cell, None)
                 }
                 Some(region) => region,
@@ -463,6 +482,12 @@ impl<'a> Flood<'a> {
                 self.meet(a.min(b), a.max(b), field.squared[cell]);
             }
         }
+    }
+
+    /// No place of any region within 0.8 of the spacing; a place behind a wall counts too, which costs coverage but no connection.
+    fn is_far_from_all(&self, here: [i32; 3], spacing_squared: i32) -> bool {
+        let limit = (0.64 * f64::from(spacing_squared)) as i32;
+        (0..self.seeds.len() as u32).all(|seed| self.gap(seed, here) > limit)
     }
 
     /// Two regions touch at a cell with this squared clearance: an edge, or one region if the border is no border.

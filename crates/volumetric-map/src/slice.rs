@@ -33,8 +33,8 @@ impl Volume {
     ///
     /// - occupied if anything stands between `floor + step_m` and `floor + height_m`, or if the robot would fall: no floor
     ///   within `step_m` and the space beneath seen free;
-    /// - free if the floor surface was seen within `step_m` of the floor, or at least half of the voxels up to
-    ///   max(`step_m`, 0.3 m) above it were seen free;
+    /// - free if the floor surface was seen within `step_m` of the floor with free space on it, or at least half of the voxels up
+    ///   to max(`step_m`, 0.3 m) above it were seen free;
     /// - unknown otherwise.
     ///
     /// `step_m` should exceed the error of the floor height by a voxel (0.10 is good at 5 cm), or the floor itself becomes an obstacle.
@@ -46,21 +46,23 @@ impl Volume {
         let beneath = self.layers(floor_z_m - step_m - 3.0 * self.config.voxel_m, floor_z_m - step_m);
         let mut grid = self.flatten(None, body, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
         let floor_seen = self.flatten(None, floor, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
-        let half = (low.1 - low.0 + 2) / 2;
-        let low_free =
-            self.flatten(None, low, |column| if i64::from(column.free) >= half { Cell::Free } else { Cell::Unknown });
-        let drop = self.flatten(None, beneath, |column| if column.free >= 2 { Cell::Free } else { Cell::Unknown });
+        let half = ((low.1 - low.0 + 2) / 2) as u32;
+        let low_free = self.count(None, low, |column| column.free);
+        let drop = self.count(None, beneath, |column| column.free);
         for (i, cell) in grid.cells.iter_mut().enumerate() {
-            let has_floor = floor_seen.cells[i] == Cell::Occupied;
-            if *cell == Cell::Occupied || has_floor {
-                if *cell != Cell::Occupied {
-                    *cell = Cell::Free;
-                }
-            } else if drop.cells[i] == Cell::Free {
-                *cell = Cell::Occupied;
-            } else {
-                *cell = low_free.cells[i];
+            if *cell == Cell::Occupied {
+                continue;
             }
+            *cell = if floor_seen.cells[i] == Cell::Occupied {
+                // Free space on it: what a return at a wall's foot leaves behind the wall is no floor to drive on.
+                if low_free[i] >= 2.min(half) { Cell::Free } else { Cell::Unknown }
+            } else if drop[i] >= 2 {
+                Cell::Occupied
+            } else if low_free[i] >= half {
+                Cell::Free
+            } else {
+                Cell::Unknown
+            };
         }
         grid
     }
@@ -80,6 +82,13 @@ impl Volume {
         };
         let (width, height) = ((high_x - low_x) as usize, (high_y - low_y) as usize);
         let origin = Point2::new(low_x as f64 * voxel, low_y as f64 * voxel);
+        OccupancyGrid { origin, resolution_m: voxel, width, height, cells: self.count(bounds, band, judge) }
+    }
+
+    /// One value per column of the same grid as [`flatten`](Self::flatten).
+    fn count<T>(&self, bounds: Option<[f64; 4]>, band: (i64, i64), judge: impl Fn(Column) -> T) -> Vec<T> {
+        let Some([low_x, low_y, high_x, high_y]) = self.grid_extent(bounds) else { return Vec::new() };
+        let (width, height) = ((high_x - low_x) as usize, (high_y - low_y) as usize);
         let mut columns = vec![Column::default(); width * height];
         for block in &self.blocks {
             let first = block.key.first_voxel().map(i64::from);
@@ -106,8 +115,7 @@ impl Volume {
                 }
             }
         }
-        let cells = columns.into_iter().map(judge).collect();
-        OccupancyGrid { origin, resolution_m: voxel, width, height, cells }
+        columns.into_iter().map(judge).collect()
     }
 
     /// Voxel ranges [x low, y low, x end, y end) of a grid.
