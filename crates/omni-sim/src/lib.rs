@@ -1,5 +1,6 @@
 //! omni-sim
 pub mod building;
+pub mod bvh;
 pub mod caption;
 pub mod catalog;
 pub mod colors;
@@ -9,6 +10,8 @@ pub mod furniture;
 pub mod generator;
 pub mod mesh;
 pub mod models;
+pub mod motion;
+pub mod noise;
 pub mod passage;
 pub mod placement;
 pub mod program;
@@ -16,4 +19,6 @@ pub mod scenes;
 pub mod shape;
 pub mod skeleton;
 pub mod small_things;
+pub mod track;
 pub mod walls;
+pub mod world;
