@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, VecDeque};
 use dsg::{ObjectEvidence, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use omni_perception::{
-    DeskewConfig, EncoderTrack, Equirectangular, LabelConfig, MaskedPanorama, OdometryEstimate, RawScan,
-    ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, label_points, observe_objects,
+    DeskewConfig, EncoderTrack, Equirectangular, MaskedPanorama, ObservationConfig, OdometryEstimate, RawScan,
+    ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, observe_objects,
 };
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
@@ -193,6 +193,9 @@ impl WorldModel {
         while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
             self.obstacles.pop_front();
         }
+        let horizon = Stamp(straight.stamp.0 - 5_000_000_000);
+        self.trajectory.forget_before(horizon);
+        self.encoder.forget_before(horizon);
         self.recent.push_back(RecentScan { stamp: straight.stamp, points_in_world: points });
         let window_s = self.config.label_window_s + self.config.label_delay_s + 0.6;
         let oldest = Stamp(straight.stamp.0 - (window_s * 1e9) as i64);
@@ -254,7 +257,7 @@ impl WorldModel {
 
     /// One image: which point belongs to which mask, which object to which masks.
     fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) {
-        let Some(world_from_body) = self.trajectory.pose(panorama.stamp) else {
+        let Some(world_from_body) = self.trajectory.world_from_body(panorama.stamp) else {
             self.ignored.images += 1;
             return;
         };
@@ -270,11 +273,8 @@ impl WorldModel {
             self.ignored.images += 1;
             return;
         }
-        let camera_from_world = world_from_camera.inverse().cast::<f32>();
         let observations = clock.time("labels", || {
-            let in_camera: Vec<Point3<f32>> = points.iter().map(|point| camera_from_world * point).collect();
-            let masks = label_points(&in_camera, &self.camera, &panorama.masks, &LabelConfig::default());
-            observe_objects(&points, &masks, panorama, &self.camera, &world_from_camera)
+            observe_objects(panorama, &points, &world_from_camera, &self.camera, &ObservationConfig::default())
         });
         let mut votes = Vec::new();
         let mut evidence = Vec::with_capacity(observations.len());
@@ -287,7 +287,8 @@ impl WorldModel {
                 stamp_ns: observation.stamp.0,
                 label_weights: observation.label_weights,
                 caption: observation.caption,
-                score: observation.score,
+                // A look from afar votes less than one from nearby (Eq. 4, departure in omni-perception's `vote`).
+                score: observation.weight as f32,
                 points: observation.points_in_world,
                 color: observation.color_rgb,
             });
