@@ -1,1 +1,26 @@
-//! arena
+//! The world's side of a mission: the simulator, the referee, the figures and the run folder.
+//!
+//! A run is [`run::run`]: it puts a robot into a scene, lets the mission see and command, and judges from the truth what came of it.
+//! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
+
+pub mod bench_nav;
+pub mod body;
+pub mod chart;
+pub mod cli;
+pub mod drift;
+pub mod floor;
+pub mod map_picture;
+pub mod options;
+pub mod referee;
+pub mod report;
+pub mod run;
+pub mod run_folder;
+pub mod scenario;
+pub mod simulation;
+pub mod summary;
+pub mod task;
+#[cfg(feature = "viz")]
+pub mod viz;
+pub mod write_run;
+
+pub use mission;

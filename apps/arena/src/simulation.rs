@@ -1,0 +1,271 @@
+//! The world's side of the stream: body and physics, sensors, odometry with drift. What leaves it is what a robot could know.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use mission::omni_perception::{
+    EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage, Rle,
+    Stamp, TrackingStatus,
+};
+use mission::robot_model::RobotModel;
+use mission::stream::{Command, SensorEvent};
+use nalgebra::Isometry3;
+use omni_sim::encoder::{EncoderConfig, encoder_sample};
+use omni_sim::imu::{Imu, ImuConfig};
+use omni_sim::lidar::{LidarConfig, RotatingMount, scan};
+use omni_sim::motion::KinematicState;
+use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
+use omni_sim::segmenter::SegmenterConfig;
+
+use crate::body::SimulatedBody;
+use crate::drift::{DriftConfig, DriftingOdometry};
+use crate::scenario::Scene;
+
+/// Settings of the world.
+#[derive(Debug, Clone, Default)]
+pub struct SimulationConfig {
+    /// LiDAR.
+    pub lidar: LidarConfig,
+    /// IMU.
+    pub imu: ImuConfig,
+    /// Motor's encoder.
+    pub encoder: EncoderConfig,
+    /// Camera.
+    pub panorama: PanoramaConfig,
+    /// What the segmenter gets wrong.
+    pub segmenter: SegmenterConfig,
+    /// What the odometry gets wrong.
+    pub drift: DriftConfig,
+    /// The LiDAR's motor stands still.
+    pub is_lidar_fixed: bool,
+}
+
+/// One touch of the robot with something.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Touch {
+    /// When, in seconds of the run.
+    pub t_s: f64,
+    /// What: the class of the thing, or "structure".
+    pub what: String,
+    /// Where.
+    pub at_m: [f64; 3],
+}
+
+/// Period of odometry, IMU and physics; the encoder has its own.
+const TICK_NS: i64 = 5_000_000;
+
+/// A robot with its sensors in a scene.
+pub struct Simulation<'a> {
+    config: SimulationConfig,
+    scene: &'a Scene,
+    body: SimulatedBody<'a>,
+    mount: RotatingMount,
+    imu: Imu,
+    odometry: DriftingOdometry,
+    body_from_camera: Isometry3<f64>,
+    now_ns: i64,
+    steps: u64,
+    next_encoder_ns: i64,
+    next_scan_ns: i64,
+    next_panorama_ns: i64,
+    touches: Vec<Touch>,
+}
+
+impl<'a> Simulation<'a> {
+    /// Puts the robot at `start` in the scene; its odometry begins at `start_in_map`.
+    pub fn new(
+        config: &SimulationConfig,
+        robot: &RobotModel,
+        scene: &'a Scene,
+        start: &Isometry3<f64>,
+        start_in_map: &Isometry3<f64>,
+        seed: u64,
+    ) -> Result<Simulation<'a>> {
+        let mut config = config.clone();
+        config.lidar.seed = seed.wrapping_mul(3).wrapping_add(1);
+        config.imu.seed = seed.wrapping_mul(3).wrapping_add(2);
+        config.segmenter.seed = seed.wrapping_mul(3).wrapping_add(3);
+        let motor = robot.sensors.lidar;
+        let mount = RotatingMount {
+            body_from_stator: robot.sensors.body_from_lidar_stator,
+            rotor_from_sensor: robot.sensors.rotor_from_sensor,
+            rate_hz: if config.is_lidar_fixed { 0.0 } else { motor.rotation_hz },
+            phase_rad: 0.0,
+        };
+        Ok(Simulation {
+            body: SimulatedBody::new(robot, &scene.world, start, start_in_map)?,
+            imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
+            odometry: DriftingOdometry::new(config.drift, seed, start, start_in_map),
+            body_from_camera: robot.sensors.body_from_camera,
+            mount,
+            scene,
+            now_ns: 0,
+            steps: 0,
+            next_encoder_ns: 0,
+            next_scan_ns: 0,
+            next_panorama_ns: 0,
+            touches: Vec::new(),
+            config,
+        })
+    }
+
+    /// The camera of the panoramas, as the robot's side describes it.
+    pub fn camera(&self) -> Equirectangular {
+        let camera = &self.config.panorama;
+        Equirectangular {
+            width_px: camera.width,
+            height_px: camera.height,
+            phi_top_rad: camera.phi_top_rad,
+            phi_bottom_rad: camera.phi_bottom_rad,
+        }
+    }
+
+    /// Words that the segmenter should look for.
+    pub fn set_phrases(&mut self, phrases: Vec<String>) {
+        self.config.segmenter.phrases = phrases;
+    }
+
+    /// Time.
+    pub fn now(&self) -> Stamp {
+        Stamp(self.now_ns)
+    }
+
+    /// Time since the start.
+    pub fn seconds(&self) -> f64 {
+        self.now_ns as f64 * 1e-9
+    }
+
+    /// Number of calls of [`Simulation::advance`].
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Where the robot truly is.
+    pub fn true_pose(&self) -> Isometry3<f64> {
+        self.body.state().world_from_body
+    }
+
+    /// Every touch so far.
+    pub fn touches(&self) -> &[Touch] {
+        &self.touches
+    }
+
+    /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery, and the time
+    /// that each part of the simulation took.
+    pub fn advance(&mut self, command: &Command, step_ns: i64) -> Result<(Vec<SensorEvent>, Vec<(&'static str, Duration)>)> {
+        let mut events = Vec::new();
+        let (mut physics, mut lidar, mut panorama) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
+        let end_ns = self.now_ns + step_ns;
+        while self.now_ns < end_ns {
+            let start = Instant::now();
+            self.tick(command, &mut events)?;
+            physics += start.elapsed();
+
+            let period_ns = self.config.lidar.period_ns();
+            if self.now_ns >= self.next_scan_ns + period_ns {
+                let start = Instant::now();
+                events.push(SensorEvent::Scan(self.scan()?));
+                lidar += start.elapsed();
+                self.next_scan_ns += period_ns;
+            }
+            if self.now_ns >= self.next_panorama_ns {
+                let start = Instant::now();
+                events.push(SensorEvent::Panorama(self.photograph()?));
+                panorama += start.elapsed();
+                self.next_panorama_ns += self.config.panorama.period_ns();
+            }
+        }
+        self.steps += 1;
+        let mut took = vec![("sim physics", physics)];
+        took.extend((!lidar.is_zero()).then_some(("sim lidar", lidar)));
+        took.extend((!panorama.is_zero()).then_some(("sim panorama", panorama)));
+        Ok((events, took))
+    }
+
+    /// Body, contacts, IMU, encoder and odometry for one tick.
+    fn tick(&mut self, command: &Command, events: &mut Vec<SensorEvent>) -> Result<()> {
+        self.body.advance(command, TICK_NS, &self.odometry)?;
+        self.now_ns += TICK_NS;
+        for touch in self.body.take_touches() {
+            let what = match touch.instance {
+                0 => "structure".to_owned(),
+                id => self.scene.building.object(id).map_or_else(|| "thing".to_owned(), |o| o.class.clone()),
+            };
+            self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m: touch.point.coords.into() });
+        }
+        while self.next_encoder_ns <= self.now_ns {
+            let sample = encoder_sample(&self.mount, &self.config.encoder, self.next_encoder_ns);
+            events.push(SensorEvent::Encoder(EncoderSample {
+                stamp: Stamp(sample.stamp_ns),
+                angle_rad: sample.angle_rad,
+            }));
+            self.next_encoder_ns += (1e9 / self.config.encoder.rate_hz) as i64;
+        }
+        let sample = self.imu.sample(self.body.motion(), self.now_ns).context("sampling the IMU")?;
+        events.push(SensorEvent::Imu(ImuSample {
+            stamp: Stamp(sample.stamp_ns),
+            angular_velocity_radps: sample.angular_velocity_radps,
+            specific_force_mps2: sample.specific_force_mps2,
+        }));
+        let state = self.body.state();
+        self.odometry.advance(&state.world_from_body);
+        events.push(SensorEvent::Odometry(estimate(&self.odometry, &state, self.now_ns)));
+        Ok(())
+    }
+
+    fn scan(&self) -> Result<RawScan> {
+        let record = scan(&self.scene.world, self.body.motion(), &self.mount, &self.config.lidar, self.next_scan_ns)
+            .context("casting a scan")?;
+        Ok(RawScan {
+            start: Stamp(record.start_ns),
+            points: record
+                .points
+                .iter()
+                .map(|point| RawPoint { position: point.position, offset_ns: point.offset_ns, ring: point.ring })
+                .collect(),
+        })
+    }
+
+    fn photograph(&self) -> Result<MaskedPanorama> {
+        let record = capture(
+            &self.scene.world,
+            self.body.motion(),
+            &self.body_from_camera,
+            &self.config.panorama,
+            &self.config.segmenter,
+            self.now_ns,
+        )
+        .context("taking a panorama")?;
+        masked_panorama(record)
+    }
+}
+
+/// The odometry's view of a state.
+pub fn estimate(odometry: &DriftingOdometry, state: &KinematicState, now_ns: i64) -> OdometryEstimate {
+    OdometryEstimate {
+        stamp: Stamp(now_ns),
+        world_from_body: odometry.estimate_from_body(),
+        velocity_in_world_mps: odometry.vector_in_estimate(&state.velocity_world),
+        angular_velocity_in_body_radps: state.angular_velocity_body,
+        covariance: odometry.covariance(),
+        status: TrackingStatus::Tracking,
+    }
+}
+
+/// The simulator's record as the robot's side reads it.
+fn masked_panorama(record: PanoramaRecord) -> Result<MaskedPanorama> {
+    let (width, height) = (record.width, record.height);
+    let masks = record
+        .masks
+        .into_iter()
+        .map(|mask| {
+            let rle = Rle::from_counts(width, height, &mask.counts).context("reading a mask")?;
+            Ok(Mask { rle, label: mask.label, score: mask.score, caption: mask.caption })
+        })
+        .collect::<Result<Vec<Mask>>>()?;
+    Ok(MaskedPanorama {
+        stamp: Stamp(record.stamp_ns),
+        masks,
+        image: Some(RgbImage { width, height, rgb: record.rgb }),
+    })
+}
