@@ -113,6 +113,7 @@ pub mod description;
 pub mod envelope;
 pub mod error;
 pub mod inertia;
+mod keys;
 pub mod leg;
 pub mod merge;
 pub mod mesh;

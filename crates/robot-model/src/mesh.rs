@@ -66,7 +66,8 @@ pub fn vertices(
 ///
 /// `package://NAME/rest` is looked for as `A/NAME/rest` in every folder `A` above the URDF (which covers both a ROS workspace and a
 /// plain checkout), and as `A/rest` where `A` itself is called NAME. `file://` and absolute names stand for themselves; other names
-/// are relative to the folder of the URDF.
+/// are relative to the folder of the URDF. Give `urdf_folder` as an absolute path (`std::path::absolute`): a relative one has no
+/// folders above it.
 pub fn mesh_candidates(file: &str, urdf_folder: &Path) -> Vec<PathBuf> {
     let package = file
         .strip_prefix("package://")
