@@ -37,7 +37,7 @@ impl<'a> View<'a> {
         const FAR_M: f32 = 1.0e7;
         let is_good = |p: &Point3<f32>| p.iter().all(|x| x.abs() < FAR_M);
         let score = evidence.score.min(1.0);
-        let scored = score >= config.min_score.max(f32::MIN_POSITIVE);
+        let scored = !evidence.score.is_nan() && score >= config.min_score.max(f32::MIN_POSITIVE);
         if evidence.points.len() < config.min_points || !scored || !evidence.points.iter().all(is_good) {
             return None;
         }
