@@ -352,7 +352,8 @@ fn color_score(word: &str, thing: &Thing) -> Option<f64> {
     // Captions open with the thing itself; later words are about its surroundings.
     let in_caption = || thing.words.split(' ').take(8).find(|said| color_rgb(said).is_some());
     let named = thing.color_name.as_deref().filter(|name| color_rgb(name).is_some()).or_else(in_caption).map(|name| {
-        if name == word {
+        let is_grey = |word: &str| matches!(word, "gray" | "grey");
+        if name == word || (is_grey(name) && is_grey(word)) {
             1.0
         } else {
             let rgb = color_rgb(name).expect("filtered above");
