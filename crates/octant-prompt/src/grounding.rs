@@ -352,7 +352,8 @@ fn color_score(word: &str, thing: &Thing) -> Option<f64> {
     // Captions open with the thing itself; later words are about its surroundings.
     let in_caption = || thing.words.split(' ').take(8).find(|said| color_rgb(said).is_some());
     let named = thing.color_name.as_deref().filter(|name| color_rgb(name).is_some()).or_else(in_caption).map(|name| {
-        if name == word {
+        let is_grey = |word: &str| matches!(word, "gray" | "grey");
+        if name == word || (is_grey(name) && is_grey(word)) {
             1.0
         } else {
             let rgb = color_rgb(name).expect("filtered above");
@@ -387,7 +388,7 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
             .collect(),
     };
     for (each, score) in found.iter_mut().zip(scores) {
-        const FLOOR: f64 = 0.02; // a wrong relation never erases the class: at the end of a search it still ranks
+        const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
         let score = if clause.negated { 1.0 - score } else { score }.clamp(FLOOR, 1.0);
         each.weakest_relation = each.weakest_relation.min(score);
         each.total *= score;
@@ -585,7 +586,11 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     let anchor = scene.things[best.index].bounds.center();
     let towards = (anchor - position).xy();
     match view.kind {
-        ViewKind::Facing => Viewer { position: *position, forward: Some(towards) },
+        // Whoever faces a thing with a front looks at its front.
+        ViewKind::Facing => {
+            let front = scene.things[best.index].front.map(|front| (anchor - front).xy());
+            Viewer { position: *position, forward: Some(front.unwrap_or(towards)) }
+        }
         ViewKind::BackTo => Viewer { position: *position, forward: Some(-towards) },
         ViewKind::From => Viewer { position: anchor, forward: Some(-towards) },
     }

@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use crate::instruction::{Floor, SpatialRelation as R, Superlative as S, ViewKind};
+use crate::vocabulary::singular_phrase;
 
 /// Longest text that is read; the rest is ignored.
 pub const MAX_TEXT_BYTES: usize = 2_000;
@@ -14,6 +15,8 @@ pub const MAX_TEXT_BYTES: usize = 2_000;
 const MAX_TOKENS: usize = 256;
 /// Longest phrase of the table in words.
 const MAX_PHRASE_WORDS: usize = 6;
+/// Longest class name in words.
+const MAX_CLASS_WORDS: usize = 4;
 
 /// The part a token plays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,22 +80,27 @@ pub struct Token {
     pub text: String,
 }
 
-/// Reads a text. Bounded; never fails.
-pub fn tokens(text: &str) -> Vec<Token> {
+/// Reads a text. Bounded; never fails. `is_class` tells whether a (singular) phrase is the name of a class: such a phrase of several words
+/// is one word here, even if it holds a word of the grammar (`trash can`, `chest of drawers`).
+pub fn tokens(text: &str, is_class: &dyn Fn(&str) -> bool) -> Vec<Token> {
     let words = words(text);
     let mut out = Vec::new();
     let mut at = 0;
     while at < words.len() && out.len() < MAX_TOKENS {
+        let phrase = |count: usize| words[at..at + count].join(" ");
         let longest = (1..=MAX_PHRASE_WORDS.min(words.len() - at)).rev().find_map(|count| {
-            let phrase = words[at..at + count].join(" ");
-            PHRASES.get(phrase.as_str()).map(|mark| (count, *mark, phrase))
+            let text = phrase(count);
+            if (2..=MAX_CLASS_WORDS).contains(&count) && is_class(&singular_phrase(&text)) {
+                return Some((count, Some(Mark::Word), text));
+            }
+            PHRASES.get(text.as_str()).map(|mark| (count, *mark, text))
         });
-        let (count, mark, phrase) =
+        let (count, mark, text) =
             longest.unwrap_or_else(|| (1, mark_of_punctuation_or_word(&words[at]), words[at].clone()));
         at += count;
         match mark {
             None => {} // a filler such as "please"
-            Some(mark) => out.push(Token { mark, text: phrase }),
+            Some(mark) => out.push(Token { mark, text }),
         }
     }
     out
@@ -301,6 +309,8 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (
             Mark::Relation(R::InFrontOf),
             &[
+                "on the front of",
+                "on the front side of",
                 "in front of",
                 "infront of",
                 "front of",
@@ -315,6 +325,8 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (
             Mark::Relation(R::Behind),
             &[
+                "on the back of",
+                "on the back side of",
                 "behind",
                 "in back of",
                 "at the back of",
@@ -330,6 +342,9 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (
             Mark::Relation(R::Between),
             &[
+                "in the middle of",
+                "in the center of",
+                "in the centre of",
                 "between",
                 "in between",
                 "in the middle of the two",
@@ -635,6 +650,16 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (
             Mark::View(ViewKind::Facing),
             &[
+                "look toward",
+                "look towards",
+                "you look at",
+                "you look toward",
+                "you look towards",
+                "stand facing",
+                "standing facing",
+                "you face",
+                "you are facing",
+                "you are looking at",
                 "facing",
                 "looking at",
                 "looking toward",
@@ -803,8 +828,6 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
                 "central",
                 "in the center of the room",
                 "in the centre of the room",
-                "in the middle of",
-                "in the center of",
                 "middlemost",
             ],
         ),
@@ -845,6 +868,11 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         (Mark::Floor(Floor::Relative(-1)), &["downstairs", "on the lower floor", "one floor down", "the floor below"]),
     ];
     const FILLERS: &[&str] = &[
+        "correct",
+        "much",
+        "specific",
+        "particular",
+        "particularly",
         "please",
         "hey",
         "robot",
@@ -906,7 +934,7 @@ mod tests {
     use super::*;
 
     fn marks(text: &str) -> Vec<Mark> {
-        tokens(text).into_iter().map(|token| token.mark).collect()
+        tokens(text, &|phrase| phrase == "trash can").into_iter().map(|token| token.mark).collect()
     }
 
     #[test]
@@ -914,13 +942,14 @@ mod tests {
         assert_eq!(marks("on the left side of the bed"), [Mark::Relation(R::LeftOf), Mark::Determiner, Mark::Word]);
         assert_eq!(marks("on the left"), [Mark::Superlative(S::Leftmost)]);
         assert_eq!(marks("on top of it"), [Mark::Relation(R::On), Mark::Pronoun]);
+        assert_eq!(marks("the trash cans"), [Mark::Determiner, Mark::Word]);
         assert_eq!(marks("Please, find!"), [Mark::Comma, Mark::Verb, Mark::Stop]);
     }
 
     #[test]
     fn long_and_odd_text_is_bounded() {
-        assert!(tokens(&"chair ".repeat(10_000)).len() <= MAX_TOKENS);
-        assert!(tokens("").is_empty());
-        assert!(tokens(&"\u{1F600}\u{0301}'".repeat(1_000)).is_empty());
+        assert!(tokens(&"chair ".repeat(10_000), &|_| true).len() <= MAX_TOKENS);
+        assert!(tokens("", &|_| false).is_empty());
+        assert!(tokens(&"\u{1F600}\u{0301}'".repeat(1_000), &|_| false).is_empty());
     }
 }

@@ -32,7 +32,7 @@ const MAX_STEPS: usize = 16;
 /// assert_eq!(instruction.nouns(), ["mug", "table"]);
 /// ```
 pub fn parse_instruction(text: &str) -> Instruction {
-    let all = tokens(text);
+    let all = tokens(text, &|phrase| canonical(phrase).is_some());
     let mut steps = Vec::new();
     for clause in split_steps(&all) {
         let mut parser = Parser::new(clause, &[]);
@@ -50,8 +50,10 @@ pub fn parse_instruction(text: &str) -> Instruction {
 /// Parses one referring expression ("the chair left of the desk, facing the window"), never splitting it into steps. `known_classes` are
 /// further class names (the labels of a scene) that count as known phrases.
 pub fn parse_referring(text: &str, known_classes: &[&str]) -> Option<Referring> {
-    let all = tokens(text);
-    Parser::new(&all, known_classes).expression()
+    let known: Vec<String> = known_classes.iter().map(|name| Class::new(name).text).collect();
+    let is_class = |phrase: &str| canonical(phrase).is_some() || known.iter().any(|name| name == phrase);
+    let all = tokens(text, &is_class);
+    Parser::new(&all, &known).expression()
 }
 
 fn bounded(text: &str) -> String {
@@ -103,15 +105,14 @@ fn resolve_pronouns(steps: &mut [Step]) {
 
 struct Parser<'a> {
     tokens: &'a [Token],
-    known: Vec<String>,
+    known: &'a [String],
     at: usize,
     view: Option<View>,
     last_class: Option<Class>,
 }
 
 impl<'a> Parser<'a> {
-    fn new(tokens: &'a [Token], known_classes: &[&str]) -> Self {
-        let known = known_classes.iter().map(|name| Class::new(name).text).collect();
+    fn new(tokens: &'a [Token], known: &'a [String]) -> Self {
         Parser { tokens, known, at: 0, view: None, last_class: None }
     }
 
@@ -200,6 +201,13 @@ impl<'a> Parser<'a> {
         if kind == ViewKind::From && self.mark().is_some_and(|mark| matches!(mark, Mark::From | Mark::In)) {
             self.at += 1;
         }
+        // "looking at the front of the copier"
+        self.skip(|mark| matches!(mark, Mark::Determiner | Mark::Relation(SpatialRelation::InFrontOf)));
+        if matches!(self.mark(), Some(Mark::Superlative(Superlative::Middle)))
+            && matches!(self.mark_at(1), Some(Mark::View(_)))
+        {
+            return; // "standing in the middle of the room facing ..."
+        }
         if let Some(anchor) = self.noun_phrase(depth + 1) {
             self.view.get_or_insert(View { kind, anchor });
         } else if kind == ViewKind::From {
@@ -222,8 +230,14 @@ impl<'a> Parser<'a> {
                     self.at += 1;
                     out.superlatives.push(superlative);
                     if let Some(anchor) = self.part_of(depth) {
-                        // "the middle of the table", "top of the shelf": the thing itself
+                        // "the top of the shelf" is the shelf; "the larger of the shelves" is the larger one.
+                        let is_part = matches!(
+                            superlative,
+                            Superlative::Middle | Superlative::Corner | Superlative::Highest | Superlative::Lowest
+                        );
+                        let superlatives = if is_part { Vec::new() } else { std::mem::take(&mut out.superlatives) };
                         out = anchor;
+                        out.superlatives.extend(superlatives);
                         has_noun = true;
                         break;
                     }
@@ -552,7 +566,19 @@ impl<'a> Parser<'a> {
 
     fn relation(&mut self, head: &mut Referring, relation: SpatialRelation, negated: bool, depth: usize) -> bool {
         // "not near" is a phrase of its own in the lexicon; "not far from" too.
-        let Some(first) = self.noun_phrase(depth + 1) else {
+        let in_the_middle_of =
+            relation == SpatialRelation::Between && self.at > 0 && self.tokens[self.at - 1].text.ends_with(" of");
+        let refers_back =
+            depth == 0 && self.tokens.get(self.at).is_some_and(|token| matches!(token.text.as_str(), "it" | "them"));
+        let pronoun = || {
+            let class = self.last_class.clone()?;
+            Some(self.view.as_ref().map_or(Referring { class, ..Referring::default() }, |view| view.anchor.clone()))
+        };
+        let meant = if refers_back { pronoun() } else { None };
+        if meant.is_some() {
+            self.at += 1;
+        }
+        let Some(first) = meant.or_else(|| self.noun_phrase(depth + 1)) else {
             // "closest", "nearest" at the end of the text: to the robot.
             if matches!(relation, SpatialRelation::Closest | SpatialRelation::Farthest) {
                 head.superlatives.push(if relation == SpatialRelation::Closest {
@@ -592,7 +618,9 @@ impl<'a> Parser<'a> {
                 }
             }
         }
-        if relation == SpatialRelation::Between {
+        if in_the_middle_of && anchors.len() == 1 {
+            head.superlatives.push(Superlative::Middle); // "in the middle of the table"
+        } else if relation == SpatialRelation::Between {
             anchors.truncate(2);
             head.relations.push(RelationClause { relation, anchors, negated });
         } else {

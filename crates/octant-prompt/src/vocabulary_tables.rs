@@ -195,7 +195,7 @@ work: table, desk, meeting table, coffee table, dining table, end table, workben
     phone, pen, notebook, kitchen table, console table, reception desk, lab bench, microscope, paper stack
 storage: cabinet, kitchen cabinet, file cabinet, shelf, bookshelf, wardrobe, dresser, box, basket, hamper, cart, suitcase, backpack, bag, shoe rack, \
     coat rack, toolbox, server rack, tv stand, book, sideboard, storage rack, shoe cabinet
-display: tv, monitor, projector, projector screen, whiteboard, blackboard, picture, mirror, clock, screen, alarm clock
+display: tv, monitor, projector, projector screen, whiteboard, blackboard, picture, mirror, clock, alarm clock
 sleep: bed, pillow, blanket, nightstand, crib
 kitchen: fridge, stove, oven, microwave, dishwasher, mug, cup, glass, bottle, plate, bowl, pot, pan, kettle, coffee machine, toaster, water cooler, \
     vending machine, cutting board, knife, fruit
