@@ -209,7 +209,7 @@ fn shortcut(route: &[Vector3<f64>], surroundings: &Surroundings, grid: &SearchGr
     while at + 1 < route.len() {
         let good = |to: usize| {
             let way_round = along[to] - along[at];
-            cost(&route[at], &route[to]) <= 1.02 * way_round + 1e-9 && surroundings.is_clear(&route[at], &route[to])
+            cost(&route[at], &route[to]) <= 1.1 * way_round + 1e-9 && surroundings.is_clear(&route[at], &route[to])
         };
         // The furthest of a ladder of lengths, then refined by bisection.
         let mut next = at;

@@ -2,7 +2,9 @@
 
 pub mod certificate;
 pub mod config;
+pub mod controller;
 pub mod minco;
+pub mod mixer;
 pub mod polytope;
 pub mod search;
 pub mod stop;

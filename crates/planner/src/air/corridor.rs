@@ -27,48 +27,44 @@ pub(crate) fn polytope_around(
     let box_high = Point3::from((a.sup(b) + reach).inf(&high.coords).sup(&a.sup(b)));
     let mut polytope = Polytope::from_box(&box_low, &box_high);
     // Obstacles outside the box by less than what they demand bind as well.
-    let mut open: Vec<Binding> = surroundings
-        .near(a, b, reach_m + surroundings.furthest_m())
-        .into_iter()
-        .map(|o| {
+    let mut open: Vec<Binding> = Vec::new();
+    for o in surroundings.near(a, b, reach_m + surroundings.furthest_m()) {
+        if !polytope.faces.iter().any(|face| is_parted(face, &o.at, o.needed_m)) {
             let nearest = nearest_on_segment(a, b, &o.at);
             let distance = (o.at - nearest).norm();
-            Binding { at: o.at, nearest, distance, needed_m: o.needed_m, liked_m: o.liked_m }
-        })
-        .collect();
-    for face in polytope.faces.clone() {
-        open.retain(|o| !o.is_parted_by(&face));
+            open.push(Binding { at: o.at, nearest, distance, spare: distance - o.needed_m, needed_m: o.needed_m, liked_m: o.liked_m });
+        }
     }
-    // Ties by coordinates: the order of the points as given does not matter.
-    open.sort_by(|p, q| {
-        let (p_spare, q_spare) = (p.distance - p.needed_m, q.distance - q.needed_m);
-        p_spare.total_cmp(&q_spare).then_with(|| (0..3).fold(std::cmp::Ordering::Equal, |o, k| o.then(p.at[k].total_cmp(&q.at[k]))))
-    });
-    while let Some(o) = open.first().copied() {
+    while let Some(o) = tightest(&open) {
         let normal = (o.at - o.nearest) / o.distance.max(1e-9);
         let keep = (o.distance - ROOM_M).clamp(o.needed_m, o.liked_m.max(o.needed_m));
         let face = HalfSpace { normal, offset_m: normal.dot(&o.at) - keep };
         polytope.faces.push(face);
-        open.remove(0);
-        open.retain(|other| !other.is_parted_by(&face));
+        open.retain(|other| other.at != o.at && !is_parted(&face, &other.at, other.needed_m));
     }
     polytope
 }
 
+/// An obstacle that the box does not keep away.
 #[derive(Clone, Copy)]
 struct Binding {
     at: Vector3<f64>,
     nearest: Vector3<f64>,
     distance: f64,
+    spare: f64,
     needed_m: f64,
     liked_m: f64,
 }
 
-impl Binding {
-    /// Whether every point of the half-space keeps the demanded distance from this obstacle.
-    fn is_parted_by(&self, face: &HalfSpace) -> bool {
-        face.normal.dot(&self.at) - face.offset_m >= self.needed_m
-    }
+/// The obstacle with the least to spare; ties by coordinates, so that the order of the points does not matter.
+fn tightest(open: &[Binding]) -> Option<Binding> {
+    let key = |o: &Binding| (o.spare, o.at.x, o.at.y, o.at.z);
+    open.iter().copied().reduce(|best, o| if o.spare < best.spare || (o.spare == best.spare && key(&o) < key(&best)) { o } else { best })
+}
+
+/// Whether every point of the half-space keeps the demanded distance from an obstacle.
+fn is_parted(face: &HalfSpace, at: &Vector3<f64>, needed_m: f64) -> bool {
+    face.normal.dot(at) - face.offset_m >= needed_m
 }
 
 /// A point deep inside two overlapping polytopes, not far from one they share.

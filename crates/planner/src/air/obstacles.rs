@@ -94,7 +94,8 @@ impl<'a> Surroundings<'a> {
         });
         // The centre may not enter unknown cells; how much of the body may is the map's business (it calls a point free).
         let needed_m = 0.45 * self.resolution_m;
-        self.for_unknown(&low, &high, |at| {
+        let shrink = Vector3::repeat((self.needed_m - self.resolution_m).max(0.0));
+        self.grid.for_unknown_border(&(low + shrink), &(high - shrink), |at| {
             let needed_m = needed_m.min((at - self.start).norm() - 1e-6);
             found.push(Obstacle { at, needed_m, liked_m: needed_m + self.resolution_m });
             true
@@ -130,7 +131,7 @@ impl<'a> Surroundings<'a> {
         // The corridor needs a plane between the segment and every unknown cell.
         let reach = Vector3::repeat(self.resolution_m);
         let needed_m = 0.45 * self.resolution_m;
-        self.for_unknown(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
+        self.grid.for_unknown_border(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
             (at - nearest_on_segment(a, b, &at)).norm() >= needed_m.min((at - self.start).norm() - 1e-6)
         })
     }
@@ -150,24 +151,6 @@ impl<'a> Surroundings<'a> {
                 }
             }
         }
-    }
-
-    /// Visits unknown lattice points of a box until `visit` returns false; whether it never did.
-    fn for_unknown(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(Vector3<f64>) -> bool) -> bool {
-        let r = self.resolution_m;
-        let cells = |axis: usize| (low[axis] / r).floor() as i64..=(high[axis] / r).floor() as i64;
-        for z in cells(2) {
-            for y in cells(1) {
-                for x in cells(0) {
-                    let p = Point3::new((x as f64 + 0.5) * r, (y as f64 + 0.5) * r, (z as f64 + 0.5) * r);
-                    let unknown = self.grid.node(&p).is_some_and(|node| self.grid.clearance(node).is_none());
-                    if unknown && !visit(p.coords) {
-                        return false;
-                    }
-                }
-            }
-        }
-        true
     }
 }
 

@@ -15,7 +15,9 @@ const MIN_DURATION_S: f64 = 0.15;
 /// Rounds of slowing down before the corridor is followed more closely.
 const STRETCH_ROUNDS: usize = 24;
 /// Rounds of putting a point into the middle of every leg that was left.
-const SPLIT_ROUNDS: usize = 4;
+const SPLIT_ROUNDS: usize = 8;
+/// A leg that was left is flown this much slower in the next round: the shape of the spline follows the ratios of the durations.
+const CAUTION: f64 = 1.25;
 /// Rounds of trying shorter durations on a trajectory that holds.
 const SHRINK_ROUNDS: usize = 3;
 
@@ -49,6 +51,8 @@ pub(crate) fn refine(head: &State, route: &[Vector3<f64>], corridor: &[Polytope]
 struct Knots {
     points: Vec<Vector3<f64>>,
     polytope_of: Vec<usize>,
+    /// Factor on the duration of each piece.
+    caution: Vec<f64>,
 }
 
 enum Outcome {
@@ -63,7 +67,7 @@ impl Knots {
         for k in 1..corridor.len() {
             points[k] = deep_point(&corridor[k - 1], &corridor[k], &route[k]);
         }
-        Knots { points, polytope_of: (0..corridor.len()).collect() }
+        Knots { points, polytope_of: (0..corridor.len()).collect(), caution: vec![1.0; corridor.len()] }
     }
 
     /// Puts a point into the middle of the given pieces: both ends are in one convex polytope, so is the middle.
@@ -72,6 +76,8 @@ impl Knots {
             let middle = 0.5 * (self.points[k] + self.points[k + 1]);
             self.points.insert(k + 1, middle);
             self.polytope_of.insert(k + 1, self.polytope_of[k]);
+            self.caution[k] *= CAUTION;
+            self.caution.insert(k + 1, self.caution[k]);
         }
     }
 
@@ -85,6 +91,9 @@ impl Knots {
     /// Slows down the pieces that are too fast until speed and acceleration hold; reports pieces that leave the corridor.
     fn stretch(&self, head: &State, tail: &State, corridor: &[Polytope], clearance_m: f64, config: &AirConfig) -> Outcome {
         let mut times = trapezoid_times(&self.points, head[1].norm(), config);
+        for (t, caution) in times.iter_mut().zip(&self.caution) {
+            *t *= caution;
+        }
         let mut leaving = Vec::new();
         for _ in 0..STRETCH_ROUNDS {
             let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config) else { break };

@@ -2,7 +2,8 @@
 //!
 //! A lattice point is free if the distance field knows it and the whole edge to any free neighbour keeps the clearance:
 //! `distance - obstacle radius >= sqrt(clearance^2 + L^2 / 4)` with L the longest edge. Unknown is blocked. Edges cost
-//! more near obstacles and away from the preferred height. The work is bounded by a count of expansions; ties are broken
+//! more near obstacles and away from the preferred height; the costs in plan view guide the search
+//! (they may overestimate where a climb is cheaper, so a route can be a little dearer than the best). The work is bounded by a count of expansions; ties are broken
 //! by the number of the lattice point, so the same world gives the same route.
 
 use std::cell::RefCell;
@@ -109,9 +110,13 @@ impl<'a> SearchGrid<'a> {
         Some((index[2] * self.size[1] + index[1]) * self.size[0] + index[0])
     }
 
+    fn index(&self, node: usize) -> [usize; 3] {
+        [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])]
+    }
+
     /// Position of a lattice point.
     pub fn position(&self, node: usize) -> Point3<f64> {
-        let index = [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])];
+        let index = self.index(node);
         Point3::from(Vector3::from_fn(|axis, _| ((self.low[axis] + index[axis] as i64) as f64 + 0.5) * self.resolution_m))
     }
 
@@ -128,6 +133,44 @@ impl<'a> SearchGrid<'a> {
             };
         }
         (known[node] != UNKNOWN).then(|| (f64::from(known[node]) - f64::from(OFFSET)) * STEP_M)
+    }
+
+    /// Visits the unknown lattice points of a box that have a known neighbour (the border of the unknown) until `visit`
+    /// returns false; whether it never did.
+    pub fn for_unknown_border(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(Vector3<f64>) -> bool) -> bool {
+        let mut range = [(0usize, 0usize); 3];
+        for axis in 0..3 {
+            let cell = |v: f64| ((v / self.resolution_m).floor() - self.low[axis] as f64).clamp(0.0, self.size[axis] as f64 - 1.0) as usize;
+            range[axis] = (cell(low[axis]), cell(high[axis]));
+        }
+        let strides = [1, self.size[0], self.size[0] * self.size[1]];
+        for z in range[2].0..=range[2].1 {
+            for y in range[1].0..=range[1].1 {
+                for x in range[0].0..=range[0].1 {
+                    let node = z * strides[2] + y * strides[1] + x;
+                    if self.is_known(node) {
+                        continue;
+                    }
+                    let index = [x, y, z];
+                    let borders = (0..3).any(|axis| {
+                        (index[axis] > 0 && self.is_known(node - strides[axis]))
+                            || (index[axis] + 1 < self.size[axis] && self.is_known(node + strides[axis]))
+                    });
+                    if borders && !visit(self.position(node).coords) {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    fn is_known(&self, node: usize) -> bool {
+        match self.clearance.borrow()[node] {
+            UNSET => {}
+            code => return code != UNKNOWN,
+        }
+        self.clearance(node).is_some()
     }
 
     /// Whether the centre of the body may be at the lattice point.
@@ -178,8 +221,8 @@ impl<'a> SearchGrid<'a> {
         let mut cost = vec![0.0f32; nodes];
         let mut came: Vec<u8> = vec![0; nodes];
         let steps = self.steps();
-        let goal = self.position(to);
-        let bound = |node: usize| (self.position(node) - goal).norm() as f32;
+        let guide = Guide::new(self, from, to, preferred_z, config);
+        let bound = |node: usize| guide.cost_to_go(self, node);
         let mut heap = BinaryHeap::new();
         cost[from] = 1.0;
         heap.push(Entry { estimate: bound(from), cost: 0.0, node: from as u32 });
@@ -196,7 +239,7 @@ impl<'a> SearchGrid<'a> {
                 return SearchOutcome::ExpansionLimit;
             }
             let here = self.price(node, preferred_z, config);
-            let index = [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])];
+            let index = self.index(node);
             for (k, step) in steps.iter().enumerate() {
                 let inside = (0..3).all(|axis| {
                     let i = index[axis] as i64 + step.shift[axis];
@@ -250,6 +293,94 @@ impl<'a> SearchGrid<'a> {
             }
         }
         steps
+    }
+}
+
+/// Heights tried for the guide, relative to the preferred one: the first free one counts.
+const GUIDE_LAYERS_M: [f64; 5] = [0.0, 0.3, -0.3, 0.6, -0.6];
+
+/// An estimate of the cost to go: Dijkstra from the goal over the plan view (a cell is free if it is at one of a few
+/// heights), plus the climb. Where the plan view tells nothing, the straight distance.
+struct Guide {
+    preferred_z: f64,
+    goal: Point3<f64>,
+    /// Cost + 1 per column, 0 = not reached.
+    cost: Vec<f32>,
+}
+
+impl Guide {
+    fn new(grid: &SearchGrid, from: usize, to: usize, preferred_z: f64, config: &AirConfig) -> Guide {
+        let (nx, ny) = (grid.size[0], grid.size[1]);
+        let plane = nx * ny;
+        let mut layers: Vec<usize> = Vec::new();
+        for z in GUIDE_LAYERS_M {
+            let layer = ((preferred_z + z) / grid.resolution_m).floor() - grid.low[2] as f64;
+            layers.push(layer.clamp(0.0, grid.size[2] as f64 - 1.0) as usize);
+        }
+        // Price + 1 per column; 0 = not asked, negative = blocked.
+        let mut prices = vec![0.0f32; plane];
+        let mut price = |column: usize| {
+            if prices[column] == 0.0 {
+                let free = layers.iter().map(|layer| layer * plane + column).find(|&node| grid.is_free(node));
+                prices[column] = free.map_or(-1.0, |node| grid.price(node, preferred_z, config) as f32);
+            }
+            prices[column]
+        };
+        let mut guide = Guide { preferred_z, goal: grid.position(to), cost: vec![0.0; plane] };
+        let (seed, start) = (to % plane, from % plane);
+        let r = grid.resolution_m as f32;
+        let mut heap = BinaryHeap::new();
+        let mut enough = f32::INFINITY;
+        guide.cost[seed] = 1.0;
+        heap.push(Entry { estimate: 0.0, cost: 0.0, node: seed as u32 });
+        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
+            let node = node as usize;
+            if reached + 1.0 > guide.cost[node] {
+                continue;
+            }
+            if reached > enough {
+                break;
+            }
+            if node == start {
+                // A little beyond the start, so that the search may swing out.
+                enough = reached + 2.0;
+            }
+            let here = price(node).max(1.0);
+            let (x, y) = ((node % nx) as i64, (node / nx) as i64);
+            for (dx, dy) in [(1i64, 0i64), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)] {
+                let (ox, oy) = (x + dx, y + dy);
+                if ox < 0 || oy < 0 || ox >= nx as i64 || oy >= ny as i64 {
+                    continue;
+                }
+                let other = oy as usize * nx + ox as usize;
+                let length = if dx != 0 && dy != 0 { r * std::f32::consts::SQRT_2 } else { r };
+                if guide.cost[other] != 0.0 && reached + length + 1.0 >= guide.cost[other] {
+                    continue;
+                }
+                let there = price(other);
+                if there < 0.0 {
+                    continue;
+                }
+                let next = reached + length * 0.5 * (here + there);
+                if guide.cost[other] == 0.0 || next + 1.0 < guide.cost[other] {
+                    guide.cost[other] = next + 1.0;
+                    heap.push(Entry { estimate: next, cost: next, node: other as u32 });
+                }
+            }
+        }
+        guide
+    }
+
+    fn cost_to_go(&self, grid: &SearchGrid, node: usize) -> f32 {
+        let position = grid.position(node);
+        let planar = self.cost[node % self.cost.len()];
+        if planar == 0.0 {
+            return (position - self.goal).norm() as f32;
+        }
+        let planar = planar - 1.0;
+        let climb = ((position.z - self.preferred_z).abs() + (self.preferred_z - self.goal.z).abs()) as f32;
+        // Far from the goal the climb comes on top, near it the way is slanting.
+        0.5 * (planar + climb + planar.hypot((position.z - self.goal.z) as f32))
     }
 }
 
