@@ -16,4 +16,6 @@ pub mod scenes;
 pub mod shape;
 pub mod skeleton;
 pub mod small_things;
+pub mod truth_relations;
+pub mod variations;
 pub mod walls;

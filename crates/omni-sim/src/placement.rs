@@ -460,17 +460,30 @@ impl<'a> Furnisher<'a> {
             }
             let along = (face.b - face.a).normalize();
             let yaw_rad = face.inward.y.atan2(face.inward.x);
+            // An end of the face is a corner of the room if the room does not go on round it (a doorway, an outer corner of an L).
+            let is_corner = |end: Point2<f64>, outward: Vector2<f64>| {
+                let beyond = end + (outward + face.inward) * 0.1;
+                !self.space.floor.iter().any(|r| r.contains(&beyond))
+            };
+            let corners = [is_corner(face.a, -along), is_corner(face.b, along)];
             for k in 0..8 {
+                if place == Place::Corner && (k > 1 || !corners[k]) {
+                    continue;
+                }
                 let s = match (place, k) {
                     (Place::Corner | Place::WallCorner, 0) => WALL_GAP_M,
                     (Place::Corner | Place::WallCorner, 1) => spare - WALL_GAP_M,
-                    (Place::Corner, _) => continue,
                     (Place::WallMiddle | Place::OuterWall | Place::Opposite, 0) => spare / 2.0,
                     _ => self.rng.random_range(WALL_GAP_M..spare - WALL_GAP_M + 1e-6),
                 };
                 let p = face.a + along * (s + width / 2.0) + face.inward * (gap + depth / 2.0);
                 let noise = self.rng.random_range(0.0..1.0);
                 let from_middle = (s - spare / 2.0).abs() / (spare / 2.0).max(0.1);
+                let to_corner = if s < spare / 2.0 {
+                    corners[0]
+                } else {
+                    corners[1]
+                };
                 let door = self
                     .space
                     .doors
@@ -480,7 +493,9 @@ impl<'a> Furnisher<'a> {
                     / 3.0;
                 let score = match place {
                     Place::WallMiddle => 1.2 * (1.0 - from_middle) + door,
-                    Place::WallCorner => 0.8 * from_middle + 0.4 * door,
+                    Place::WallCorner => {
+                        0.8 * from_middle * f64::from(u8::from(to_corner)) + 0.4 * door
+                    }
                     Place::Opposite => match parent {
                         Some(o) => {
                             let front = o.front();
