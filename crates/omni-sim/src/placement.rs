@@ -25,6 +25,8 @@ const THIN_M: f64 = 0.065;
 pub const VIEW_DISTANCE_M: f64 = 0.9;
 /// Height of the ground robot's camera, metres.
 pub const CAMERA_HEIGHT_M: f64 = 0.73;
+/// How far beside its front a thing with a seat or a low table before it may be reached, metres.
+const BESIDE_M: f64 = 0.35;
 /// Places tried with the passage test before a thing is left out.
 const FLOODS: usize = 6;
 
@@ -539,15 +541,24 @@ fn extent(item: &Item, direction: Vector2<f64>) -> f64 {
     }
 }
 
-/// True if the disc reaches a place from which the thing can be used: before its front, or on any side.
+/// True if the disc reaches a place from which the thing can be used: straight before its front, or on any side. What has a
+/// chair or a low table before it may also be reached from beside that.
 fn is_usable(item: &Item, reach: &Reach) -> bool {
     let foot = item.bounds.footprint();
     let front = item.front();
+    let left = Vector2::new(-front.y, front.x);
     let middle = foot.center();
     let deep = extent(item, front) / 2.0;
-    reach
-        .near(&foot, VIEW_DISTANCE_M)
-        .any(|p| item.class.usable == Use::Any || (p - middle).dot(&front) > deep)
+    let beside = if matches!(item.class.name, "desk" | "workbench" | "sofa") {
+        BESIDE_M
+    } else {
+        0.0
+    };
+    let wide = extent(item, left) / 2.0 + beside;
+    reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
+        let to = p - middle;
+        item.class.usable == Use::Any || (to.dot(&front) > deep && to.dot(&left).abs() <= wide)
+    })
 }
 
 /// True if a robot standing at one of the reached places sees the thing from within [`VIEW_DISTANCE_M`].
