@@ -58,8 +58,8 @@ pub enum SceneError {
     /// `storeys` is not 1 or 2.
     #[error("a building has 1 or 2 storeys, not {0}")]
     Storeys(u32),
-    /// Each storey of two needs a stairwell, a corridor and a room.
-    #[error("two storeys need at least 6 rooms, not {0}")]
+    /// Each storey of two needs a stairwell, a corridor and two rooms.
+    #[error("two storeys need at least 8 rooms, not {0}")]
     RoomsForStoreys(u32),
     /// `min_door_m` is not a number from 0.7 to 1.4.
     #[error("min_door_m must lie in 0.7..=1.4, not {0}")]
@@ -113,6 +113,8 @@ pub enum RoomKind {
     Bathroom,
     /// Desk and books at home.
     Study,
+    /// Toilets and washbasins at work.
+    Restroom,
     /// Washing machine.
     LaundryRoom,
     /// Shelves and boxes.
@@ -144,6 +146,7 @@ impl RoomKind {
             RoomKind::Bedroom => "bedroom",
             RoomKind::Bathroom => "bathroom",
             RoomKind::Study => "study",
+            RoomKind::Restroom => "restroom",
             RoomKind::LaundryRoom => "laundry room",
             RoomKind::StorageRoom => "storage room",
             RoomKind::Office => "office",

@@ -85,7 +85,7 @@ fn custom(a: RoomKind, b: RoomKind) -> f64 {
         (Office, Reception) | (MeetingRoom, Reception) => 5.0,
         (Office, Office) => 4.0,
         (Lab, Lab) | (Office, Lab) | (Office, PrintRoom) => 4.0,
-        (_, Bathroom) | (Bathroom, _) => 0.5,
+        (_, Bathroom | Restroom) | (Bathroom | Restroom, _) => 0.5,
         (Kitchen, Bedroom) => 1.5,
         _ => 2.0,
     }

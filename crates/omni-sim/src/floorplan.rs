@@ -414,10 +414,11 @@ fn room_cost(wish: &RoomWish, parts: &[Cells]) -> Option<f64> {
     let (least_side, least_area) = if small { (2.2, 6.0) } else { (2.9, 9.5) };
     // The main part of an L may be as narrow as a small room, since the rest widens it.
     let side_needed = match wish.kind {
-        _ if parts.len() > 1 => 2.5,
         // A table with chairs on both sides and a way round it.
         RoomKind::MeetingRoom => 4.3,
         RoomKind::DiningRoom => 3.7,
+        RoomKind::LivingRoom | RoomKind::Lounge => 3.3,
+        _ if parts.len() > 1 => 2.5,
         _ => least_side,
     };
     if parts[0].short_m() < side_needed || area < least_area || area > 42.0 {

@@ -93,7 +93,7 @@ const ONE_WINDOW: &[Line] = &[one("window", 0.6, OuterWall)];
 fn daylight(kind: RoomKind) -> &'static [Line] {
     use RoomKind::*;
     match kind {
-        Bathroom | LaundryRoom | Hallway | Corridor | Kitchen => ONE_WINDOW,
+        Bathroom | Restroom | LaundryRoom | Hallway | Corridor | Kitchen => ONE_WINDOW,
         StorageRoom | Stairwell | PrintRoom => &[],
         _ => WINDOWS,
     }
@@ -125,6 +125,26 @@ const LAMP_OR_PLANT: &[Line] = &[
     one("floor lamp", 0.4, Beside),
 ];
 
+/// Without these a room does not deserve its name.
+pub fn essentials(kind: RoomKind) -> &'static [&'static str] {
+    use RoomKind::*;
+    match kind {
+        LivingRoom | Lounge => &["sofa", "coffee table"],
+        Kitchen => &["counter", "sink", "stove", "fridge"],
+        DiningRoom => &["dining table", "chair"],
+        Bedroom => &["bed", "wardrobe"],
+        Bathroom | Restroom => &["toilet", "sink"],
+        Study | Office => &["desk", "office chair"],
+        LaundryRoom => &["washing machine"],
+        StorageRoom => &["storage rack"],
+        MeetingRoom => &["conference table", "office chair"],
+        Lab => &["workbench"],
+        PrintRoom => &["copier"],
+        Reception => &["reception desk"],
+        Hallway | Corridor | Stairwell => &[],
+    }
+}
+
 /// The recipe of a kind of room.
 fn recipe(kind: RoomKind) -> &'static [Line] {
     use RoomKind as K;
@@ -136,7 +156,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
                     some("bookshelf", (1, 2), 0.7, WallCorner),
                     set("armchair", 0.7, WallMiddle, LAMP_OR_PLANT),
                     one("armchair", 0.35, WallCorner),
-                    set("dining table", 0.35, Center, CHAIRS_6),
+                    set("dining table", 0.25, WallMiddle, CHAIRS_6),
                     one("sideboard", 0.5, WallMiddle),
                     some("plant", (1, 2), 0.75, Corner),
                     one("guitar", 0.25, Corner),
@@ -155,8 +175,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
                     some("counter", (0, 2), 1.0, Row),
                     one("dishwasher", 0.4, Row),
                     one("fridge", 1.0, Row),
-                    set("kitchen table", 0.45, Center, CHAIRS_4),
-                    set("kitchen table", 0.35, WallMiddle, CHAIRS_4),
+                    set("kitchen table", 0.75, Center, CHAIRS_4),
                     one("cabinet", 0.35, WallCorner),
                     one("trash bin", 0.8, Corner),
                     some("stool", (1, 2), 0.3, WallCorner),
@@ -218,6 +237,20 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
                 ]
             }
         }
+        K::Restroom => {
+            const {
+                &[
+                    one("toilet", 1.0, WallMiddle),
+                    one("sink", 1.0, WallMiddle),
+                    one("toilet", 0.7, WallMiddle),
+                    one("sink", 0.5, Row),
+                    some("trash bin", (1, 2), 0.8, Corner),
+                    one("cabinet", 0.3, WallCorner),
+                    some("mirror", (1, 2), 0.9, Hung),
+                    one("towel", 0.7, Hung),
+                ]
+            }
+        }
         K::Study => {
             const {
                 &[
@@ -252,7 +285,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
         K::StorageRoom => {
             const {
                 &[
-                    some("storage rack", (1, 3), 0.95, WallCorner),
+                    some("storage rack", (1, 3), 1.0, WallCorner),
                     one("cabinet", 0.5, WallCorner),
                     some("box", (1, 4), 0.8, WallCorner),
                     one("vacuum cleaner", 0.5, Corner),
@@ -321,7 +354,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
         K::PrintRoom => {
             const {
                 &[
-                    some("copier", (1, 2), 0.95, WallMiddle),
+                    some("copier", (1, 2), 1.0, WallMiddle),
                     one("storage rack", 0.8, WallCorner),
                     one("side table", 0.4, WallCorner),
                     one("filing cabinet", 0.5, WallCorner),
@@ -340,7 +373,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
                     one("water dispenser", 0.6, WallCorner),
                     set("armchair", 0.7, WallMiddle, LAMP_OR_PLANT),
                     one("armchair", 0.5, WallCorner),
-                    set("dining table", 0.4, Center, CHAIRS_4),
+                    set("dining table", 0.3, WallMiddle, CHAIRS_4),
                     one("bookshelf", 0.4, WallCorner),
                     some("plant", (1, 3), 0.8, Corner),
                     one("trash bin", 0.6, Corner),

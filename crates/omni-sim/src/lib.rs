@@ -20,5 +20,7 @@ pub mod shape;
 pub mod skeleton;
 pub mod small_things;
 pub mod track;
+pub mod truth_relations;
+pub mod variations;
 pub mod walls;
 pub mod world;

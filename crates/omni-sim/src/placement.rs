@@ -25,6 +25,8 @@ const THIN_M: f64 = 0.065;
 pub const VIEW_DISTANCE_M: f64 = 0.9;
 /// Height of the ground robot's camera, metres.
 pub const CAMERA_HEIGHT_M: f64 = 0.73;
+/// How far beside its front a thing with a seat or a low table before it may be reached, metres.
+const BESIDE_M: f64 = 0.35;
 /// Places tried with the passage test before a thing is left out.
 const FLOODS: usize = 6;
 
@@ -460,17 +462,30 @@ impl<'a> Furnisher<'a> {
             }
             let along = (face.b - face.a).normalize();
             let yaw_rad = face.inward.y.atan2(face.inward.x);
+            // An end of the face is a corner of the room if the room does not go on round it (a doorway, an outer corner of an L).
+            let is_corner = |end: Point2<f64>, outward: Vector2<f64>| {
+                let beyond = end + (outward + face.inward) * 0.1;
+                !self.space.floor.iter().any(|r| r.contains(&beyond))
+            };
+            let corners = [is_corner(face.a, -along), is_corner(face.b, along)];
             for k in 0..8 {
+                if place == Place::Corner && (k > 1 || !corners[k]) {
+                    continue;
+                }
                 let s = match (place, k) {
                     (Place::Corner | Place::WallCorner, 0) => WALL_GAP_M,
                     (Place::Corner | Place::WallCorner, 1) => spare - WALL_GAP_M,
-                    (Place::Corner, _) => continue,
                     (Place::WallMiddle | Place::OuterWall | Place::Opposite, 0) => spare / 2.0,
                     _ => self.rng.random_range(WALL_GAP_M..spare - WALL_GAP_M + 1e-6),
                 };
                 let p = face.a + along * (s + width / 2.0) + face.inward * (gap + depth / 2.0);
                 let noise = self.rng.random_range(0.0..1.0);
                 let from_middle = (s - spare / 2.0).abs() / (spare / 2.0).max(0.1);
+                let to_corner = if s < spare / 2.0 {
+                    corners[0]
+                } else {
+                    corners[1]
+                };
                 let door = self
                     .space
                     .doors
@@ -480,7 +495,9 @@ impl<'a> Furnisher<'a> {
                     / 3.0;
                 let score = match place {
                     Place::WallMiddle => 1.2 * (1.0 - from_middle) + door,
-                    Place::WallCorner => 0.8 * from_middle + 0.4 * door,
+                    Place::WallCorner => {
+                        0.8 * from_middle * f64::from(u8::from(to_corner)) + 0.4 * door
+                    }
                     Place::Opposite => match parent {
                         Some(o) => {
                             let front = o.front();
@@ -524,15 +541,24 @@ fn extent(item: &Item, direction: Vector2<f64>) -> f64 {
     }
 }
 
-/// True if the disc reaches a place from which the thing can be used: before its front, or on any side.
+/// True if the disc reaches a place from which the thing can be used: straight before its front, or on any side. What has a
+/// chair or a low table before it may also be reached from beside that.
 fn is_usable(item: &Item, reach: &Reach) -> bool {
     let foot = item.bounds.footprint();
     let front = item.front();
+    let left = Vector2::new(-front.y, front.x);
     let middle = foot.center();
     let deep = extent(item, front) / 2.0;
-    reach
-        .near(&foot, VIEW_DISTANCE_M)
-        .any(|p| item.class.usable == Use::Any || (p - middle).dot(&front) > deep)
+    let beside = if matches!(item.class.name, "desk" | "workbench" | "sofa") {
+        BESIDE_M
+    } else {
+        0.0
+    };
+    let wide = extent(item, left) / 2.0 + beside;
+    reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
+        let to = p - middle;
+        item.class.usable == Use::Any || (to.dot(&front) > deep && to.dot(&left).abs() <= wide)
+    })
 }
 
 /// True if a robot standing at one of the reached places sees the thing from within [`VIEW_DISTANCE_M`].

@@ -83,7 +83,7 @@ fn needs(style: Style, storey: u32, round: usize) -> Vec<RoomKind> {
             Kitchen,
             Reception,
             Office,
-            Bathroom,
+            Restroom,
             PrintRoom,
             Lab,
         ],
@@ -91,7 +91,7 @@ fn needs(style: Style, storey: u32, round: usize) -> Vec<RoomKind> {
             Office,
             MeetingRoom,
             Office,
-            Bathroom,
+            Restroom,
             Lounge,
             Office,
             PrintRoom,
@@ -106,7 +106,7 @@ fn needs(style: Style, storey: u32, round: usize) -> Vec<RoomKind> {
             Lab,
             Office,
             Kitchen,
-            Bathroom,
+            Restroom,
         ],
     }
 }
@@ -120,6 +120,7 @@ fn area_range_m2(kind: RoomKind) -> (f64, f64) {
         DiningRoom => (14.0, 20.0),
         Bedroom => (13.0, 19.0),
         Bathroom => (7.5, 10.5),
+        Restroom => (8.5, 13.0),
         Study => (11.0, 16.0),
         LaundryRoom => (8.5, 11.0),
         StorageRoom => (8.5, 12.0),
@@ -137,7 +138,10 @@ fn area_range_m2(kind: RoomKind) -> (f64, f64) {
 /// Rooms that may be narrow and are often cut out of the corner of a larger one.
 pub fn is_small(kind: RoomKind) -> bool {
     use RoomKind::*;
-    matches!(kind, Bathroom | LaundryRoom | StorageRoom | PrintRoom)
+    matches!(
+        kind,
+        Bathroom | Restroom | LaundryRoom | StorageRoom | PrintRoom
+    )
 }
 
 #[cfg(test)]
