@@ -193,6 +193,8 @@ struct Strip<'a> {
     /// Index of the sample at each pixel, one block beyond the strip on the right and below.
     sample_at: Vec<u32>,
     stride: usize,
+    /// Things whose boxes may be seen in this strip.
+    boxes: Vec<&'a BoxInView>,
     stack: RayStack,
 }
 
@@ -210,6 +212,11 @@ impl<'a> Strip<'a> {
             samples: Vec::new(),
             sample_at: vec![NO_SAMPLE; stride * (scene.height + scene.block + 1)],
             stride,
+            boxes: scene
+                .boxes
+                .iter()
+                .filter(|b| b.overlaps_columns(x0, x0 + width + scene.block))
+                .collect(),
             stack: RayStack::default(),
         }
     }
@@ -230,7 +237,7 @@ impl<'a> Strip<'a> {
         }
         if size == 1 {
             let sample = self.sample(x, y);
-            self.put(x, y, sample.instance, sample.color);
+            self.put(x, y, &sample);
             return;
         }
         let corners = [
@@ -264,7 +271,7 @@ impl<'a> Strip<'a> {
         let farthest = corners.iter().map(|c| c.range).fold(0.0, f32::max);
         let (left, right) = (self.x0 + x, self.x0 + x + size);
         let mut allowed = self.scene.block;
-        for thing in &self.scene.boxes {
+        for thing in &self.boxes {
             if thing.nearest < farthest
                 && thing.instance != corners[0].instance
                 && allowed > thing.finest
@@ -289,27 +296,52 @@ impl<'a> Strip<'a> {
     }
 
     fn interpolate(&mut self, x: usize, y: usize, size: usize, corners: &[Sample; 4]) {
-        let [a, b, c, d] = corners.map(|s| s.color);
-        let step = 1.0 / size as f32;
-        for j in 0..size.min(self.scene.height - y) {
-            let t = j as f32 * step;
-            let left = [0, 1, 2].map(|k| a[k] + (c[k] - a[k]) * t);
-            let slope = [0, 1, 2].map(|k| (b[k] + (d[k] - b[k]) * t - left[k]) * step);
-            for i in 0..size.min(self.width - x) {
-                let s = i as f32;
-                let color = [0, 1, 2].map(|k| left[k] + slope[k] * s);
-                self.put(x + i, y + j, corners[0].instance, color);
+        // Fixed point with 16 fractional bits: this loop touches nearly every pixel of the picture.
+        let mut left = [0_i32; 3];
+        let mut right = [0_i32; 3];
+        let mut left_step = [0_i32; 3];
+        let mut right_step = [0_i32; 3];
+        let inverse = 65_536.0 / size as f32;
+        let [a, b, c, d] = corners;
+        for k in 0..3 {
+            left[k] = (a.color[k] * 65_536.0) as i32;
+            right[k] = (b.color[k] * 65_536.0) as i32;
+            left_step[k] = ((c.color[k] - a.color[k]) * inverse) as i32;
+            right_step[k] = ((d.color[k] - b.color[k]) * inverse) as i32;
+        }
+        let shift = size.trailing_zeros(); // blocks are powers of two
+        let (columns, rows) = (size.min(self.width - x), size.min(self.scene.height - y));
+        for j in 0..rows {
+            let at = 3 * ((y + j) * self.width + x);
+            let mut color = left;
+            let slope = [
+                (right[0] - left[0]) >> shift,
+                (right[1] - left[1]) >> shift,
+                (right[2] - left[2]) >> shift,
+            ];
+            for pixel in self.rgb[at..at + 3 * columns].chunks_exact_mut(3) {
+                for k in 0..3 {
+                    pixel[k] = (color[k] >> 16) as u8;
+                    color[k] += slope[k];
+                }
             }
+            for k in 0..3 {
+                left[k] += left_step[k];
+                right[k] += right_step[k];
+            }
+        }
+        for i in 0..columns {
+            let at = (x + i) * self.scene.height + y;
+            self.instances[at..at + rows].fill(corners[0].instance);
         }
     }
 
-    #[inline]
-    fn put(&mut self, x: usize, y: usize, instance: InstanceId, color: [f32; 3]) {
+    fn put(&mut self, x: usize, y: usize, sample: &Sample) {
         let at = 3 * (y * self.width + x);
         for k in 0..3 {
-            self.rgb[at + k] = color[k] as u8;
+            self.rgb[at + k] = sample.color[k] as u8;
         }
-        self.instances[x * self.scene.height + y] = instance;
+        self.instances[x * self.scene.height + y] = sample.instance;
     }
 }
 

@@ -248,9 +248,8 @@ impl Frame<'_> {
 
     /// A look-alike; for a class without one any other class of the building. `None` when there is no other.
     fn wrong_label(&self, class: &str, key: NoiseKey) -> Option<String> {
-        let mut others = look_alikes_of(class);
+        let others = look_alikes_of(class);
         if others.is_empty() {
-            others = Vec::new();
             let known: Vec<&str> = self.classes.iter().copied().filter(|c| *c != class).collect();
             return known.get(key.index(known.len())).map(|c| c.to_string());
         }
