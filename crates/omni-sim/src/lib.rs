@@ -1,7 +1,9 @@
 //! omni-sim
 pub mod bvh;
+pub mod contact;
 pub mod encoder;
 pub mod equirect;
+pub mod ground_base;
 pub mod imu;
 pub mod lidar;
 pub mod lookalike;
@@ -9,6 +11,7 @@ pub mod mesh;
 pub mod motion;
 pub mod noise;
 pub mod panorama;
+pub mod quadrotor;
 pub mod region;
 pub mod render;
 pub mod segmenter;
