@@ -57,31 +57,41 @@ impl Bvh {
         };
         let stack = &mut stack.0;
         stack.clear();
-        stack.push((0.0, 0));
-        while let Some((entry, index)) = stack.pop() {
-            if entry > best.distance {
-                continue;
-            }
-            if index & LEAF != 0 {
-                self.leaves[(index & !LEAF) as usize].cast(&ray, &mut best);
-                continue;
-            }
-            let node = &self.nodes[index as usize];
-            let entries = node.entries(&ray, best.distance);
-            // Push the far children first, so that the nearest is popped next.
-            let first = stack.len();
-            for (lane, &entry) in entries.iter().enumerate() {
-                if entry < f32::INFINITY {
-                    let mut at = stack.len();
-                    stack.push((entry, node.child[lane]));
-                    while at > first && stack[at - 1].0 < stack[at].0 {
-                        stack.swap(at - 1, at);
-                        at -= 1;
+        let mut current = 0;
+        loop {
+            if current & LEAF == 0 {
+                let node = &self.nodes[current as usize];
+                let entries = node.entries(&ray, best.distance);
+                // Go on with the nearest child, keep the others for later.
+                let (mut nearest, mut next) = (f32::INFINITY, NO_CHILD);
+                for (lane, &entry) in entries.iter().enumerate() {
+                    if entry < nearest {
+                        if next != NO_CHILD {
+                            stack.push((nearest, next));
+                        }
+                        (nearest, next) = (entry, node.child[lane]);
+                    } else if entry < f32::INFINITY {
+                        stack.push((entry, node.child[lane]));
                     }
+                }
+                if next != NO_CHILD {
+                    current = next;
+                    continue;
+                }
+            } else {
+                self.leaves[(current & !LEAF) as usize].cast(&ray, &mut best);
+            }
+            loop {
+                match stack.pop() {
+                    None => return (best.triangle != NO_TRIANGLE).then_some(best),
+                    Some((entry, index)) if entry <= best.distance => {
+                        current = index;
+                        break;
+                    }
+                    Some(_) => {}
                 }
             }
         }
-        (best.triangle != NO_TRIANGLE).then_some(best)
     }
 
     /// Whether any triangle lies at `distance < max_distance`.
@@ -97,6 +107,7 @@ impl Bvh {
 }
 
 const NO_TRIANGLE: u32 = u32::MAX;
+const NO_CHILD: u32 = u32::MAX;
 /// Marks a child index as a leaf.
 const LEAF: u32 = 1 << 31;
 const WIDTH: usize = 4;
@@ -217,6 +228,10 @@ impl Leaf {
                 & (u + v <= 1.0 + EDGE_TOLERANCE)
                 & (t >= 0.0);
             distance[lane] = if inside { t } else { f32::INFINITY };
+        }
+        let [a, b, c, d] = distance;
+        if a.min(b).min(c.min(d)) > best.distance {
+            return;
         }
         for (lane, &t) in distance.iter().enumerate() {
             if t < best.distance || (t == best.distance && self.triangle[lane] < best.triangle) {
