@@ -1,80 +1,183 @@
-//! TEMPORARY stand-in until omni-sim's physics lands: an ideal kinematic body.
+//! The robot's body in the simulator: the mission's commands in, true motion and touches out.
+//!
+//! Numbers come from the robot model; nothing about a robot stands here as a constant.
 
-use anyhow::Result;
-use mission::robot_model::RobotModel;
+use anyhow::{Context, Result};
+use mission::autopilot::Autopilot;
+use mission::omni_perception::Stamp;
+use mission::robot_model::{Geometry, RobotKind, RobotModel};
 use mission::stream::Command;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
+use omni_sim::contact::{CollisionShape, Contact, ContactWorld, ShapeGeometry, TouchCounter};
+use omni_sim::ground_base::{GroundBase, GroundBaseConfig, VelocityCommand};
 use omni_sim::motion::{KinematicState, Motion};
+use omni_sim::quadrotor::{Quadrotor, QuadrotorConfig, RotorConfig};
 use omni_sim::world::World;
 
 use crate::drift::DriftingOdometry;
+use crate::simulation::estimate;
 
-pub struct RawTouch { pub instance: u32, pub point: Point3<f64> }
+/// A thing that was left for half a second is touched anew.
+const RELEASE_S: f64 = 0.5;
+/// The flight controller's period.
+const AUTOPILOT_S: f64 = 0.0025;
+/// Motion is kept this long for the sensors.
+const MEMORY_NS: i64 = 1_000_000_000;
+/// Feet or skids that meet the floor more slowly than this stand on it; faster is a crash.
+const LANDING_MPS: f64 = 1.0;
 
-pub struct SimulatedBody<'a> {
-    _world: &'a World,
-    history: History,
-    v: Vector3<f64>,
-    yaw_rate: f64,
-    is_air: bool,
+/// A body of either kind with its contacts.
+pub struct SimulatedBody {
+    kind: Kind,
+    contacts: ContactWorld,
+    counter: TouchCounter,
+    reported: usize,
+    floor_z_m: f64,
 }
 
-#[derive(Default)]
-pub struct History(Vec<KinematicState>);
-
-impl Motion for History {
-    fn at(&self, stamp_ns: i64) -> KinematicState {
-        let i = self.0.partition_point(|s| s.stamp_ns < stamp_ns).clamp(1, self.0.len().max(2) - 1);
-        let (a, b) = (&self.0[i - 1], &self.0[i.min(self.0.len() - 1)]);
-        if b.stamp_ns == a.stamp_ns { return *a; }
-        let u = ((stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns) as f64).clamp(0.0, 1.0);
-        let mut s = *a;
-        s.stamp_ns = stamp_ns;
-        s.world_from_body = a.world_from_body.lerp_slerp(&b.world_from_body, u);
-        s
-    }
+enum Kind {
+    Ground(Box<GroundBase>),
+    Air(Box<Quadrotor>, Box<Autopilot>),
 }
 
-impl<'a> SimulatedBody<'a> {
-    pub fn new(robot: &RobotModel, world: &'a World, start: &Isometry3<f64>, _m: &Isometry3<f64>) -> Result<Self> {
-        let s = KinematicState::at_rest(0, *start);
-        Ok(Self { _world: world, history: History(vec![s]), v: Vector3::zeros(), yaw_rate: 0.0, is_air: !robot.rotors.is_empty() })
+impl SimulatedBody {
+    /// Puts the robot at `start`.
+    pub fn new(robot: &RobotModel, world: &World, start: &Isometry3<f64>) -> Result<SimulatedBody> {
+        let shapes: Vec<CollisionShape> = robot
+            .collision_shapes
+            .iter()
+            .map(|shape| CollisionShape {
+                body_from_shape: shape.body_from_shape,
+                geometry: match &shape.geometry {
+                    Geometry::Box { half } => ShapeGeometry::Box { half_m: *half },
+                    Geometry::Cylinder { radius, half_length } => {
+                        ShapeGeometry::Cylinder { radius_m: *radius, half_length_m: *half_length }
+                    }
+                    Geometry::Sphere { radius } => ShapeGeometry::Sphere { radius_m: *radius },
+                    Geometry::ConvexHull(points) => ShapeGeometry::ConvexHull { points: points.clone() },
+                },
+            })
+            .collect();
+        let contacts = ContactWorld::new(world, &shapes, &[]).context("setting up the contacts")?;
+        let floor_z_m = start.translation.vector.z - robot.stance_height_m;
+        let kind = match robot.kind {
+            RobotKind::Ground => Kind::Ground(Box::new(ground_base(robot, start, floor_z_m)?)),
+            RobotKind::Aerial => {
+                let quadrotor = Quadrotor::new(quadrotor_config(robot), 0, *start, 0.0).context("setting up the quadrotor")?;
+                let autopilot = Autopilot::new(robot).context("setting up the flight controller")?;
+                Kind::Air(Box::new(quadrotor), Box::new(autopilot))
+            }
+        };
+        Ok(SimulatedBody { kind, contacts, counter: TouchCounter::new(RELEASE_S), reported: 0, floor_z_m })
     }
-    pub fn advance(&mut self, command: &Command, tick_ns: i64, odometry: &DriftingOdometry) -> Result<()> {
-        let dt = tick_ns as f64 * 1e-9;
-        let last = *self.history.0.last().unwrap();
-        let mut pose = last.world_from_body;
-        let (_, _, yaw) = pose.rotation.euler_angles();
-        match command {
-            Command::Velocity { forward_mps, left_mps, yaw_rate_radps } => {
-                let k = 0.15;
-                self.v += (Vector3::new(*forward_mps, *left_mps, 0.0) - self.v) * k;
-                self.yaw_rate += (yaw_rate_radps - self.yaw_rate) * k;
+
+    /// Follows a command for one tick. A flight controller sees what the odometry sees, not the truth.
+    pub fn advance(&mut self, command: &Command, now_ns: i64, tick_ns: i64, odometry: &DriftingOdometry) -> Result<()> {
+        let touched = match (&mut self.kind, command) {
+            (Kind::Ground(base), Command::Velocity { forward_mps, left_mps, yaw_rate_radps }) => {
+                let command = VelocityCommand {
+                    forward_mps: *forward_mps,
+                    left_mps: *left_mps,
+                    yaw_rate_radps: *yaw_rate_radps,
+                };
+                base.forget_before(now_ns - MEMORY_NS);
+                base.step(tick_ns as f64 * 1e-9, &command, Some(&mut self.contacts)).context("moving the base")?
             }
-            Command::Flight(p) => {
-                let est = odometry.estimate_from_body();
-                let e = p.position_in_world.coords - est.translation.vector;
-                let vw = p.velocity_in_world_mps + e * 2.0;
-                let body = est.rotation.inverse() * vw;
-                self.v += (body - self.v) * 0.1;
-                let ey = p.yaw_rad - est.rotation.euler_angles().2;
-                let ey = ey.sin().atan2(ey.cos());
-                self.yaw_rate = p.yaw_rate_radps + ey * 2.0;
-                if !p.is_armed { self.v = Vector3::zeros(); self.yaw_rate = 0.0; }
+            (Kind::Air(quadrotor, autopilot), Command::Flight(set_point)) => {
+                autopilot.set(Stamp(now_ns), *set_point);
+                quadrotor.forget_before(now_ns - MEMORY_NS);
+                let estimate_from_truth =
+                    odometry.estimate_from_body() * quadrotor.state().world_from_body.inverse();
+                let mut touched = Vec::new();
+                let steps = ((tick_ns as f64 * 1e-9) / AUTOPILOT_S).round().max(1.0) as i64;
+                for step in 0..steps {
+                    let state = quadrotor.state();
+                    let mut seen = estimate(odometry, &state, now_ns + step * tick_ns / steps);
+                    seen.world_from_body = estimate_from_truth * state.world_from_body;
+                    let speeds = autopilot.rotor_speeds_radps(&seen);
+                    let dt_s = tick_ns as f64 * 1e-9 / steps as f64;
+                    let contacts = quadrotor.step(dt_s, &speeds, Some(&mut self.contacts)).context("flying")?;
+                    let floor_z_m = self.floor_z_m;
+                    touched.extend(contacts.into_iter().filter(|contact| !is_landing(contact, &state, floor_z_m)));
+                }
+                touched
             }
-        }
-        let _ = self.is_air;
-        let r = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw + self.yaw_rate * dt);
-        let vw = r * self.v;
-        pose = Isometry3::from_parts(Translation3::from(pose.translation.vector + vw * dt), r);
-        let mut s = KinematicState::at_rest(last.stamp_ns + tick_ns, pose);
-        s.velocity_world = vw;
-        s.angular_velocity_body = Vector3::new(0.0, 0.0, self.yaw_rate);
-        self.history.0.push(s);
-        if self.history.0.len() > 400 { self.history.0.drain(..100); }
+            // A command for another body: nothing moves, nothing breaks.
+            _ => Vec::new(),
+        };
+        self.counter.observe(&touched);
         Ok(())
     }
-    pub fn take_touches(&mut self) -> Vec<RawTouch> { Vec::new() }
-    pub fn state(&self) -> KinematicState { *self.history.0.last().unwrap() }
-    pub fn motion(&self) -> &dyn Motion { &self.history }
+
+    /// Touches since the last call.
+    pub fn take_touches(&mut self) -> Vec<Contact> {
+        let new = self.counter.touches()[self.reported..].to_vec();
+        self.reported += new.len();
+        new
+    }
+
+    /// State now.
+    pub fn state(&self) -> KinematicState {
+        match &self.kind {
+            Kind::Ground(base) => base.state(),
+            Kind::Air(quadrotor, _) => quadrotor.state(),
+        }
+    }
+
+    /// The motion of the last second.
+    pub fn motion(&self) -> &dyn Motion {
+        match &self.kind {
+            Kind::Ground(base) => base.track(),
+            Kind::Air(quadrotor, _) => quadrotor.track(),
+        }
+    }
+}
+
+/// Standing on the floor, taking off from it or coming down on it gently is no collision.
+fn is_landing(contact: &Contact, state: &KinematicState, floor_z_m: f64) -> bool {
+    contact.instance == 0
+        && contact.normal.z.abs() > 0.7
+        && contact.point.z - floor_z_m < 0.05
+        && state.velocity_world.norm() < LANDING_MPS
+}
+
+fn ground_base(robot: &RobotModel, start: &Isometry3<f64>, floor_z_m: f64) -> Result<GroundBase> {
+    let limits = &robot.limits;
+    let config = GroundBaseConfig {
+        stance_height_m: robot.stance_height_m,
+        max_speed_mps: limits.max_speed_mps,
+        max_reverse_mps: limits.max_reverse_speed_mps,
+        max_lateral_mps: limits.max_lateral_speed_mps,
+        max_yaw_rate_radps: limits.max_yaw_rate_radps,
+        max_accel_mps2: limits.max_accel_mps2,
+        max_yaw_accel_radps2: limits.max_yaw_accel_radps2,
+        ..GroundBaseConfig::default()
+    };
+    let at = start.translation.vector;
+    let (_, _, yaw_rad) = start.rotation.euler_angles();
+    GroundBase::new(config, 0, (at.x, at.y, yaw_rad), floor_z_m).context("setting up the base")
+}
+
+fn quadrotor_config(robot: &RobotModel) -> QuadrotorConfig {
+    QuadrotorConfig {
+        mass_kg: robot.mass_kg,
+        center_of_mass: robot.center_of_mass,
+        inertia_kgm2: robot.inertia,
+        rotors: robot
+            .rotors
+            .iter()
+            .map(|rotor| RotorConfig {
+                position_m: rotor.body_from_rotor.translation.vector.into(),
+                axis: rotor.body_from_rotor.rotation * Vector3::z(),
+                spin: rotor.direction,
+                thrust_coefficient_n_s2: rotor.thrust_coefficient_n_s2,
+                moment_ratio_m: rotor.moment_ratio_m,
+                max_speed_radps: rotor.max_speed_radps,
+                time_constant_up_s: rotor.time_constant_up_s,
+                time_constant_down_s: rotor.time_constant_down_s,
+            })
+            .collect(),
+        drag_ns_per_m: robot.drag,
+        ..QuadrotorConfig::x500()
+    }
 }

@@ -58,7 +58,7 @@ const TICK_NS: i64 = 5_000_000;
 pub struct Simulation<'a> {
     config: SimulationConfig,
     scene: &'a Scene,
-    body: SimulatedBody<'a>,
+    body: SimulatedBody,
     mount: RotatingMount,
     imu: Imu,
     odometry: DriftingOdometry,
@@ -93,7 +93,7 @@ impl<'a> Simulation<'a> {
             phase_rad: 0.0,
         };
         Ok(Simulation {
-            body: SimulatedBody::new(robot, &scene.world, start, start_in_map)?,
+            body: SimulatedBody::new(robot, &scene.world, start)?,
             imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
             odometry: DriftingOdometry::new(config.drift, seed, start, start_in_map),
             body_from_camera: robot.sensors.body_from_camera,
@@ -184,7 +184,7 @@ impl<'a> Simulation<'a> {
 
     /// Body, contacts, IMU, encoder and odometry for one tick.
     fn tick(&mut self, command: &Command, events: &mut Vec<SensorEvent>) -> Result<()> {
-        self.body.advance(command, TICK_NS, &self.odometry)?;
+        self.body.advance(command, self.now_ns, TICK_NS, &self.odometry)?;
         self.now_ns += TICK_NS;
         for touch in self.body.take_touches() {
             let what = match touch.instance {

@@ -10,7 +10,7 @@
 
 pub mod approach;
 pub mod archive;
-// pub mod autopilot;
+pub mod autopilot;
 pub mod body;
 pub mod config;
 pub mod coverage;
