@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use base64::Engine;
 use mission::dsg::SceneGraph;
+use mission::navigation::NavigationMap;
 use mission::rooms::RoomMap;
 use mission::volumetric_map::Cell;
 use nalgebra::{Isometry3, Point2};
@@ -189,6 +190,32 @@ pub fn map_svg(graph: &SceneGraph, drawing: &MapDrawing) -> String {
         height_m - 0.2
     );
     svg
+}
+
+/// Where this robot can go, as a picture: reachable green, free but too narrow or cut off pale, obstacles dark, the unmeasured grey.
+pub fn navigation_img(navigation: &NavigationMap, here: &Point2<f64>) -> String {
+    let grid = &navigation.grid;
+    let reach = mission::reach::ReachMap::new(grid, here, navigation.clearance_m());
+    let mut image = image::RgbImage::new(grid.width.max(1) as u32, grid.height.max(1) as u32);
+    for iy in 0..grid.height {
+        for ix in 0..grid.width {
+            let color = match grid.get(ix, iy) {
+                Cell::Occupied => [60, 60, 64],
+                Cell::Unknown => [200, 200, 200],
+                Cell::Free if reach.is_reachable(ix, iy) => [150, 215, 150],
+                Cell::Free => [245, 245, 230],
+            };
+            image.put_pixel(ix as u32, (grid.height - 1 - iy) as u32, image::Rgb(color));
+        }
+    }
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    if image.write_to(&mut bytes, image::ImageFormat::Png).is_err() {
+        return "<p>Nothing was mapped.</p>".into();
+    }
+    format!(
+        "<img alt=\"where the robot can go\" style=\"width:60%;image-rendering:pixelated\" src=\"data:image/png;base64,{}\">",
+        base64::engine::general_purpose::STANDARD.encode(bytes.into_inner())
+    )
 }
 
 /// One pixel per cell: walls dark, rooms in the colour of their id, the unknown transparent.

@@ -10,7 +10,13 @@ use crate::map_picture::{MapDrawing, escape, map_svg};
 use crate::summary::Summary;
 
 /// Writes the page.
-pub fn report_html(summary: &Summary, graph: &SceneGraph, drawing: &MapDrawing, journal: &Journal) -> String {
+pub fn report_html(
+    summary: &Summary,
+    graph: &SceneGraph,
+    drawing: &MapDrawing,
+    navigation: &str,
+    journal: &Journal,
+) -> String {
     let mut page = String::with_capacity(256 * 1024);
     let verdict = match (summary.success, summary.interrupted) {
         (true, _) => ("success", "#1a7f37"),
@@ -34,6 +40,9 @@ pub fn report_html(summary: &Summary, graph: &SceneGraph, drawing: &MapDrawing, 
         "<p class=\"legend\"><b style=\"color:#1f5fbf\">blue</b> path as the robot believes, <b>dashed</b> as it truly was; \
          <b style=\"color:#e07b00\">orange</b> frontiers left; faint boxes were seen too rarely to be believed. Point at a thing for its caption.</p></section>\n",
     );
+    page.push_str("<section><details><summary>Where this robot can go (green), at the end</summary>");
+    page.push_str(navigation);
+    page.push_str("</details></section>\n");
     page.push_str("<section class=\"charts\"><h2>Over time</h2>");
     let series = |value: fn(&mission::journal::CurveSample) -> f64| -> Vec<(f64, f64)> {
         journal.curves.iter().map(|sample| (sample.t_s, value(sample))).collect()
@@ -190,7 +199,7 @@ mod tests {
         let summary = Summary { instruction: "find <b>".into(), ..Summary::default() };
         let mut journal = Journal::default();
         journal.decisions.push(DecisionEntry { replies: vec!["<script>alert(1)</script>".into()], ..Default::default() });
-        let page = report_html(&summary, &SceneGraph::new(), &MapDrawing::default(), &journal);
+        let page = report_html(&summary, &SceneGraph::new(), &MapDrawing::default(), "", &journal);
         assert!(!page.contains("<script"), "no script, ours or anybody's");
         assert!(!page.contains("http://") || page.matches("http://").all(|_| page.contains("www.w3.org")));
         assert!(page.contains("find &lt;b&gt;"));

@@ -5,7 +5,7 @@ use mission::mission::Outcome;
 use nalgebra::{Isometry3, Point2};
 use serde_json::json;
 
-use crate::map_picture::{MapDrawing, in_map};
+use crate::map_picture::{MapDrawing, in_map, navigation_img};
 use crate::report::report_html;
 use crate::run::{Frame, RunResult};
 use crate::run_folder::RunFolder;
@@ -48,7 +48,9 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
             _ => None,
         },
     };
-    folder.write("report.html", report_html(&result.summary, &world.graph, &drawing, journal).as_bytes())?;
+    let here = path.last().copied().unwrap_or_else(Point2::origin);
+    let navigation = navigation_img(&world.navigation, &here);
+    folder.write("report.html", report_html(&result.summary, &world.graph, &drawing, &navigation, journal).as_bytes())?;
     #[cfg(feature = "viz")]
     crate::viz::write_recording(&folder.path().join("recording.rrd"), result, scene)?;
 

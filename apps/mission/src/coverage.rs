@@ -5,7 +5,7 @@
 //! that borders space nobody has measured. Frontiers keep their identity while they shrink.
 
 use nalgebra::{Point2, Vector2};
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 use volumetric_map::{Cell, OccupancyGrid};
 
 /// How coverage is judged.
@@ -46,6 +46,9 @@ pub struct Coverage {
     config: CoverageConfig,
     inspected: FxHashSet<(i32, i32)>,
     given_up: FxHashSet<(i32, i32)>,
+    /// Cells that could not be reached, and until when they are left alone.
+    postponed: FxHashMap<(i32, i32), f64>,
+    now_s: f64,
     frontiers: Vec<Frontier>,
     next_id: u64,
 }
@@ -53,7 +56,10 @@ pub struct Coverage {
 impl Coverage {
     /// Nothing seen yet.
     pub fn new(config: CoverageConfig) -> Self {
-        Self { config, inspected: FxHashSet::default(), given_up: FxHashSet::default(), frontiers: Vec::new(), next_id: 0 }
+        Self { config, inspected: FxHashSet::default(), given_up: FxHashSet::default(),
+            postponed: FxHashMap::default(),
+            now_s: 0.0,
+            frontiers: Vec::new(), next_id: 0 }
     }
 
     /// Frontiers in ascending id.
@@ -102,22 +108,46 @@ impl Coverage {
         }
     }
 
-    /// Never offers the patch round `at` again: nobody can get there.
+    /// Never offers the patch round `at` again: the robot stood there, and nothing more is to be seen.
     pub fn give_up(&mut self, at: &Point2<f64>) {
-        let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;
-        let (cx, cy) = self.cell_of(at);
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                if dx * dx + dy * dy <= reach * reach {
-                    self.given_up.insert((cx + dx, cy + dy));
-                }
-            }
+        for cell in self.patch_round(at) {
+            self.given_up.insert(cell);
         }
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
+    /// Leaves the patch round `at` alone for a while: there was no way to it yet.
+    pub fn postpone(&mut self, at: &Point2<f64>, until_s: f64) {
+        for cell in self.patch_round(at) {
+            self.postponed.insert(cell, until_s);
+        }
+        self.frontiers.retain(|frontier| frontier.at != *at);
+    }
+
+    /// Offers again what was left alone; true if there was any.
+    pub fn reconsider(&mut self) -> bool {
+        let any = !self.postponed.is_empty();
+        self.postponed.clear();
+        any
+    }
+
+    fn patch_round(&self, at: &Point2<f64>) -> Vec<(i32, i32)> {
+        let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;
+        let (cx, cy) = self.cell_of(at);
+        let mut cells = Vec::new();
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                if dx * dx + dy * dy <= reach * reach {
+                    cells.push((cx + dx, cy + dy));
+                }
+            }
+        }
+        cells
+    }
+
     /// Finds the frontiers of `slice` anew, keeping the ids of those that are still there.
-    pub fn update(&mut self, slice: &OccupancyGrid) {
+    pub fn update(&mut self, slice: &OccupancyGrid, now_s: f64) {
+        self.now_s = now_s;
         let patches = self.patches(slice);
         let mut free_old: Vec<Frontier> = std::mem::take(&mut self.frontiers);
         // Large patches choose their old identity first; ties by position, so that the result has one order.
@@ -201,7 +231,8 @@ impl Coverage {
                     continue;
                 }
                 let cell = self.cell_of(&slice.center(ix, iy));
-                if last == Some(cell) || self.given_up.contains(&cell) {
+                let is_postponed = || self.postponed.get(&cell).is_some_and(|until_s| self.now_s < *until_s);
+                if last == Some(cell) || self.given_up.contains(&cell) || is_postponed() {
                     continue;
                 }
                 if !self.inspected.contains(&cell) || self.borders_unknown(slice, ix, iy, ratio) {
@@ -272,12 +303,12 @@ mod tests {
     fn looking_everywhere_leaves_no_frontier() {
         let slice = hall();
         let mut coverage = Coverage::new(CoverageConfig::default());
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         assert!(!coverage.frontiers().is_empty());
         for x in [1.5, 4.0, 7.0, 10.0] {
             coverage.look(&Point2::new(x, 1.5), &slice);
         }
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         assert_eq!(coverage.frontiers(), &[]);
     }
 
@@ -286,13 +317,13 @@ mod tests {
         let slice = hall();
         let mut coverage = Coverage::new(CoverageConfig::default());
         coverage.look(&Point2::new(2.0, 1.5), &slice);
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         let far = coverage.frontiers().iter().max_by(|a, b| a.at.x.total_cmp(&b.at.x)).unwrap().clone();
         coverage.look(&Point2::new(3.0, 1.5), &slice);
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         assert!(coverage.frontiers().iter().any(|f| f.id == far.id));
         coverage.give_up(&far.at);
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         assert!(coverage.frontiers().iter().all(|f| f.id != far.id || f.at != far.at));
     }
 
@@ -308,7 +339,7 @@ mod tests {
         for x in [1.5, 4.0, 5.5] {
             coverage.look(&Point2::new(x, 1.5), &slice);
         }
-        coverage.update(&slice);
+        coverage.update(&slice, 0.0);
         assert_eq!(coverage.frontiers().len(), 1);
         assert!((coverage.frontiers()[0].at.x - 5.9).abs() < 0.3, "{:?}", coverage.frontiers());
     }

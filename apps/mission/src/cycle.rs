@@ -25,7 +25,7 @@ impl Mission {
         // 1. Abstract: surface, distances, places, rooms, relations (III-B), twice a second.
         if t_s >= self.next_refresh_s {
             self.next_refresh_s = t_s + self.config.refresh_period_s;
-            self.world.refresh(&mut self.journal.clock);
+            self.world.refresh(t_s, &mut self.journal.clock);
             self.body.replan(&self.world, &mut self.journal.clock);
         }
 

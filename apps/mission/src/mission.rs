@@ -68,6 +68,8 @@ pub struct Mission {
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
     pub(crate) step_index: usize,
+    /// Whether the present goal is a pose before the object, or only on the way to it.
+    pub(crate) stands_before_target: bool,
     /// Decisions in a row without an accepted action.
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
@@ -116,6 +118,7 @@ impl Mission {
             nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
             step_index: 0,
             unsure: 0,
+            stands_before_target: false,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
             config,

@@ -69,6 +69,11 @@ impl ReachMap {
         map
     }
 
+    /// Whether the robot can get to a cell.
+    pub fn is_reachable(&self, ix: usize, iy: usize) -> bool {
+        ix < self.width && iy < self.height && self.length_m[iy * self.width + ix].is_finite()
+    }
+
     /// Length of the way to the nearest cell beside `point`, `None` if there is none within 1.3 m of it.
     pub fn length_to(&self, point: &Point3<f64>) -> Option<f64> {
         let reach = (BESIDE_M / self.resolution_m.max(1e-3)).ceil() as i64;

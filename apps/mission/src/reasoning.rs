@@ -136,8 +136,18 @@ pub struct StepMemory {
     pub visited: Vec<RoomId>,
     /// Objects it has arrived at.
     pub inspected: Vec<ObjectId>,
-    /// What failed.
-    pub rejected: Vec<Critique>,
+    /// What failed, until when it is left alone, and how often it has failed.
+    pub rejected: Vec<Failure>,
+    /// How often a search that seemed over was taken up again.
+    pub reprieves: u32,
+}
+
+/// An action that failed. Maps grow, so it may succeed later.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Failure {
+    critique: Critique,
+    until_s: f64,
+    times: u32,
 }
 
 impl Mission {
@@ -187,6 +197,7 @@ impl Mission {
 
     fn arrived(&mut self) {
         if let Target::Action(Action::GoNear(id)) = &self.target
+            && self.stands_before_target
             && !self.memory.inspected.contains(id)
         {
             self.memory.inspected.push(*id);
@@ -207,18 +218,27 @@ impl Mission {
         let Target::Action(action) = self.target.clone() else { return };
         let now_s = self.world.odometry.as_ref().map_or(0.0, |o| self.seconds(o.stamp));
         self.journal.notes.push((now_s, format!("{action}: {why}")));
+        let index = self.memory.rejected.iter().position(|f| f.critique.action.as_ref() == Some(&action));
+        let times = index.map_or(0, |index| self.memory.rejected[index].times) + 1;
+        // Twice as long after every failure: the map may have grown in the meantime.
+        const PAUSE_S: f64 = 6.0;
+        let until_s = now_s + PAUSE_S * f64::from(1_u32 << times.min(8));
         if let Action::Explore(place) = &action
             && let Some(place) = self.world.graph.place(*place)
         {
             let at = place.position.xy();
-            self.world.coverage.give_up(&at);
-            return;
+            self.world.coverage.postpone(&at, until_s);
         }
-        self.memory.rejected.push(Critique {
+        let critique = Critique {
             code: CritiqueCode::Unreachable,
             message: format!("{action} failed: {why}"),
             action: Some(action),
-        });
+        };
+        let failure = Failure { critique, until_s, times };
+        match index {
+            Some(index) => self.memory.rejected[index] = failure,
+            None => self.memory.rejected.push(failure),
+        }
     }
 
     /// Asks for a decision on a snapshot of what is known now.
@@ -311,7 +331,19 @@ impl Mission {
     fn act(&mut self, action: Action, t_s: f64) {
         match &action {
             Action::Stop(target) => self.step_is_done(*target, t_s),
-            Action::GiveUp { reason } => self.finish(Outcome::GaveUp { reason: reason.clone() }),
+            Action::GiveUp { reason } => {
+                // What could not be reached earlier gets another chance before the search is over.
+                const REPRIEVES: u32 = 2;
+                let is_left = self.world.coverage.reconsider() | !self.memory.rejected.is_empty();
+                if is_left && self.memory.reprieves < REPRIEVES {
+                    self.memory.reprieves += 1;
+                    self.memory.rejected.clear();
+                    self.next_decision_s = t_s + 2.0 * self.config.refresh_period_s;
+                    self.journal.notes.push((t_s, "nothing left to search; what failed before is tried again".into()));
+                } else {
+                    self.finish(Outcome::GaveUp { reason: reason.clone() });
+                }
+            }
             _ => {
                 let is_same = self.target == Target::Action(action.clone());
                 if is_same && *self.body.status() == GoalStatus::Underway {
@@ -335,13 +367,14 @@ impl Mission {
     }
 
     /// Where the body must be for an action.
-    fn goal_of(&self, action: &Action) -> Option<Goal> {
+    fn goal_of(&mut self, action: &Action) -> Option<Goal> {
         let odometry = self.world.odometry.as_ref()?;
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         match action {
             Action::GoNear(id) => {
-                let object = self.world.graph.object(*id)?;
+                let object = self.world.graph.object(*id)?.clone();
                 const FALLBACK_M: f64 = 1.3;
+                self.stands_before_target = true;
                 let stand = stand_before(
                     &object.bounds,
                     &here,
@@ -350,8 +383,16 @@ impl Mission {
                     self.config.stop_distance_m - 0.15,
                     FALLBACK_M,
                     &|eye, thing| self.world.is_clear(eye, thing),
-                )?;
-                Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) })
+                );
+                if let Some(stand) = stand {
+                    return Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) });
+                }
+                // Not enough of the floor is known there yet: as near as can be, and look again.
+                const LOOK_FROM_M: f64 = 4.0;
+                self.stands_before_target = false;
+                let (nearest, off_m) = self.world.navigation.nearest_reachable(&here, &object.centroid.xy())?;
+                let is_progress = off_m <= LOOK_FROM_M && (nearest - here).norm() > 0.3;
+                is_progress.then_some(Goal::Reach { target: nearest, tolerance_m: 0.3, heading_rad: None })
             }
             Action::Explore(id) => {
                 let place = self.world.graph.place(*id)?;
@@ -400,6 +441,7 @@ impl Mission {
         let odometry = self.world.odometry.clone()?;
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         self.remember_room(&odometry.world_from_body);
+        let now_s = self.seconds(odometry.stamp);
         let reach = ReachMap::new(&self.world.navigation.grid, &here, self.world.navigation.clearance_m());
         let graph = self.world.graph.snapshot();
         let eye_m = self.world.floor_m + self.world.camera_height_m();
@@ -427,7 +469,13 @@ impl Mission {
             frontiers,
             visited: self.memory.visited.clone(),
             inspected: self.memory.inspected.clone(),
-            rejected: self.memory.rejected.clone(),
+            rejected: self
+                .memory
+                .rejected
+                .iter()
+                .filter(|failure| failure.until_s > now_s)
+                .map(|failure| failure.critique.clone())
+                .collect(),
             stop_distance_m: self.config.stop_distance_m,
             asked_from: self.asked_from,
             last_action: match &self.target {

@@ -300,7 +300,7 @@ impl WorldModel {
     }
 
     /// Twice a second: surface, distances, places, rooms, relations, ways.
-    pub fn refresh(&mut self, clock: &mut StageClock) {
+    pub fn refresh(&mut self, now_s: f64, clock: &mut StageClock) {
         let Some(odometry) = self.odometry.clone() else { return };
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
@@ -317,7 +317,7 @@ impl WorldModel {
                 self.body_height_m,
             );
         });
-        clock.time("coverage", || self.coverage.update(&self.slice));
+        clock.time("coverage", || self.coverage.update(&self.slice, now_s));
         self.rooms = clock.time("rooms", || RoomMap::new(&self.slice, &self.config.rooms).ok());
         clock.time("graph", || {
             self.builder.update(
