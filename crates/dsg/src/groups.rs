@@ -103,10 +103,25 @@ const TOGETHER: &[&[&str]] = &[
 
 /// How well two classes go together, in `[0, 1]`.
 pub fn co_occurrence(a: &str, b: &str) -> f64 {
-    let share = |set: &[&str], label: &str| {
+    together(&shares(a), &shares(b))
+}
+
+/// How much a class belongs to each set of [`TOGETHER`].
+type Shares = [f64; TOGETHER.len()];
+
+fn shares(label: &str) -> Shares {
+    let share = |set: &&[&str]| {
         set.iter().map(|class| label_similarity(class, label)).filter(|s| *s >= 0.8).fold(0.0, f64::max)
     };
-    TOGETHER.iter().map(|set| share(set, a) * share(set, b)).fold(0.0, f64::max)
+    let mut shares = [0.0; TOGETHER.len()];
+    for (slot, set) in shares.iter_mut().zip(TOGETHER) {
+        *slot = share(set);
+    }
+    shares
+}
+
+fn together(a: &Shares, b: &Shares) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).fold(0.0, f64::max)
 }
 
 /// Recomputes the groups of confirmed, unmoving objects, room by room. A group keeps its id while most of its members stay.
@@ -118,8 +133,13 @@ pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64
     config.validate()?;
     let clusters = clusters(graph, config);
     let ids = identify(graph, &clusters);
+    let mut ranks: BTreeMap<String, u32> = BTreeMap::new();
+    let mut rank_of = |label: &str| match ranks.get(label) {
+        Some(rank) => *rank,
+        None => *ranks.entry(label.to_owned()).or_insert_with(|| rank(label)),
+    };
     let mut groups: Vec<Group> =
-        clusters.iter().zip(&ids).map(|(members, id)| describe(graph, members, *id)).collect();
+        clusters.iter().zip(&ids).map(|(members, id)| describe(graph, members, *id, &mut rank_of)).collect();
     name_groups(graph, &mut groups);
     let gone = graph.groups().map(|group| group.id).filter(|id| !ids.contains(id));
     let mut ops: Vec<Op> = gone.map(Op::RemoveGroup).collect();
@@ -136,13 +156,19 @@ pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64
 fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>> {
     let objects: Vec<&Object> =
         graph.confirmed_objects().filter(|object| object.room.is_some() && !object.is_dynamic()).collect();
+    // There are far fewer classes than objects, and far fewer objects than pairs.
+    let mut of_label: BTreeMap<&str, Shares> = BTreeMap::new();
+    for object in &objects {
+        of_label.entry(&object.label).or_insert_with(|| shares(&object.label));
+    }
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     let mut order: Vec<usize> = (0..objects.len()).collect();
     order.sort_by(|a, b| objects[*a].bounds.min.x.total_cmp(&objects[*b].bounds.min.x).then(a.cmp(b)));
     for (at, &i) in order.iter().enumerate() {
         let reach = objects[i].bounds.max.x + config.reach_m;
         for &j in order[at + 1..].iter().take_while(|&&j| objects[j].bounds.min.x <= reach) {
-            let affinity = affinity(graph, objects[i], objects[j], config);
+            let co_occurrence = || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
+            let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
             if affinity > config.min_affinity {
                 pairs.push((affinity, i.min(j), i.max(j)));
             }
@@ -170,7 +196,13 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     clusters.into_iter().map(|(_, members)| members).filter(|members| members.len() >= 2).collect()
 }
 
-fn affinity(graph: &SceneGraph, a: &Object, b: &Object, config: &GroupConfig) -> f64 {
+fn affinity(
+    graph: &SceneGraph,
+    a: &Object,
+    b: &Object,
+    co_occurrence: impl Fn() -> f64,
+    config: &GroupConfig,
+) -> f64 {
     if a.room != b.room {
         return 0.0;
     }
@@ -183,7 +215,7 @@ fn affinity(graph: &SceneGraph, a: &Object, b: &Object, config: &GroupConfig) ->
         holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
     };
     let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
-    let together = if is_carried { 1.0 } else { co_occurrence(&a.label, &b.label) };
+    let together = if is_carried { 1.0 } else { co_occurrence() };
     let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
     (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
 }
@@ -217,19 +249,21 @@ fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId>
     ids.into_iter().map(fresh).collect()
 }
 
-fn describe(graph: &SceneGraph, members: &BTreeSet<ObjectId>, id: GroupId) -> Group {
+fn describe(
+    graph: &SceneGraph,
+    members: &BTreeSet<ObjectId>,
+    id: GroupId,
+    rank_of: &mut impl FnMut(&str) -> u32,
+) -> Group {
     let objects: Vec<&Object> = members.iter().filter_map(|member| graph.object(*member)).collect();
-    let support = objects.iter().max_by(|a, b| {
-        let key = |object: &Object| (rank(&object.label), object.bounds.volume_m3());
-        let (x, y) = (key(a), key(b));
-        x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)).then(b.id.cmp(&a.id))
+    // The support as it was wins among equals of rank: volumes breathe.
+    let known = graph.group(id).and_then(|group| group.support);
+    let mut key = |object: &&Object| (rank_of(&object.label), known == Some(object.id), object.bounds.volume_m3());
+    let keyed = objects.iter().copied().map(|object| (key(&object), object));
+    let best = keyed.max_by(|((rank_a, known_a, volume_a), a), ((rank_b, known_b, volume_b), b)| {
+        (rank_a, known_a).cmp(&(rank_b, known_b)).then(volume_a.total_cmp(volume_b)).then(b.id.cmp(&a.id))
     });
-    // The support as it was stays the support while nothing outranks it: volumes breathe.
-    let known = graph.group(id).and_then(|group| group.support).filter(|known| members.contains(known));
-    let support = match (known.and_then(|known| graph.object(known)), support) {
-        (Some(known), Some(best)) if rank(&known.label) >= rank(&best.label) => Some(known),
-        (_, best) => best.copied(),
-    };
+    let support = best.map(|(_, object)| object);
     let sum: Vector3<f64> = objects.iter().map(|object| object.centroid.coords).sum();
     let center = sum / objects.len().max(1) as f64;
     Group {

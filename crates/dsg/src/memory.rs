@@ -214,7 +214,13 @@ impl ObjectMemory {
         if points.is_empty() {
             return 0.0;
         }
-        let near = points.iter().filter(|point| self.has_near(&point.cast::<f32>(), reach_m as f32)).count();
+        // Most points of a neighbour are outside: decide them by the box of the voxels.
+        let keys = self.cells.iter().map(|cell| Point3::from(cell.key.map(|k| f64::from(k) * self.voxel_m)));
+        let Some(around) = Aabb::around(keys).map(|bounds| bounds.inflated(reach_m + self.voxel_m)) else { return 0.0 };
+        let is_near = |point: &&Point3<f64>| {
+            around.contains(point) && self.has_near(&point.cast::<f32>(), reach_m as f32)
+        };
+        let near = points.iter().filter(is_near).count();
         near as f64 / points.len() as f64
     }
 

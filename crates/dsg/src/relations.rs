@@ -153,6 +153,9 @@ const NEAR_HYSTERESIS_M: f64 = 0.1;
 /// What the boxes of a pair suggest: one contact or vertical relation in either direction, otherwise near.
 fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfig) -> Vec<Relation> {
     let gap_m = a.bounds.gap_m(&b.bounds);
+    if are_on_two_floors(graph, a, b) {
+        return Vec::new();
+    }
     let relation = |subject: &Object, kind, object: &Object| Relation {
         subject: subject.id,
         kind,
@@ -183,6 +186,12 @@ fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfi
         found.push(near);
     }
     found
+}
+
+/// A lamp hangs under a ceiling, not under the rug above it.
+fn are_on_two_floors(graph: &SceneGraph, a: &Object, b: &Object) -> bool {
+    let floor = |object: &Object| object.room.and_then(|room| graph.room(room)).map(|room| room.floor);
+    matches!((floor(a), floor(b)), (Some(a), Some(b)) if a != b)
 }
 
 /// Gaps are stored to the decimetre: boxes breathe by centimetres with every frame, and that is no news.

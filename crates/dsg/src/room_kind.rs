@@ -4,6 +4,8 @@
 //! The kind is the largest of softmax(sum of weights) against a constant for "cannot tell". Thresholdless things such as
 //! chairs and lamps, which stand anywhere, have no row.
 
+use std::collections::BTreeMap;
+
 use crate::labels::label_similarity;
 use crate::object::Object;
 
@@ -135,8 +137,10 @@ pub struct KindGuess {
 pub fn room_kind<'a>(contents: impl IntoIterator<Item = &'a Object>, shape: RoomShape) -> Option<KindGuess> {
     let mut scores = vec![0.0_f64; ROOM_KINDS.len()];
     let mut seen = vec![0_i32; EVIDENCE.len()];
+    let mut rows: BTreeMap<&str, Option<(usize, f64)>> = BTreeMap::new();
     for object in contents {
-        let Some((row, likeness)) = row_of(&object.label) else { continue };
+        let row = *rows.entry(&object.label).or_insert_with(|| row_of(&object.label));
+        let Some((row, likeness)) = row else { continue };
         // What is doubted speaks softly.
         let belief = likeness * object.vote_share(&object.label) * if object.confirmed { 1.0 } else { 0.4 };
         let weight = belief * REPEAT.powi(seen[row]);

@@ -7,7 +7,9 @@ use nalgebra::{Matrix2, Point3, Vector2};
 
 use crate::graph::SceneGraph;
 use crate::ids::{BuildingId, PlaceId, RoomId};
+use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
+use crate::place::Place;
 use crate::room::{Building, Room, RoomEdge, Storey};
 use crate::room_kind::{RoomShape, room_kind};
 
@@ -141,8 +143,10 @@ pub fn update_rooms(
     ops.extend(door_ops(graph, &room_of, doorways, &removed));
     for object in graph.objects() {
         let room = room_of_object[&object.id];
-        if object.room != room {
-            ops.push(Op::PutObject(Box::new(crate::object::Object { room, ..object.clone() })));
+        // Places are renewed while the map grows; an object that lost its place gets the nearest.
+        let place = object.place.or_else(|| graph.place_nearest(&object.centroid).map(|place| place.id));
+        if object.room != room || object.place != place {
+            ops.push(Op::PutObject(Box::new(Object { room, place, ..object.clone() })));
         }
     }
     ops.push(Op::PutBuilding(Box::new(building)));
@@ -221,26 +225,38 @@ fn shapes_of(
     doorways: &[(usize, usize, Point3<f64>, f64)],
 ) -> Vec<RoomShape> {
     let shape = |(part, places): (usize, &BTreeSet<PlaceId>)| {
-        let points: Vec<Vector2<f64>> =
-            places.iter().filter_map(|id| graph.place(*id)).map(|place| place.position.coords.xy()).collect();
-        let doors = doorways.iter().filter(|door| door.0 == part || door.1 == part).count();
-        RoomShape { elongation: elongation(&points), doors }
+        let places: Vec<&Place> = places.iter().filter_map(|id| graph.place(*id)).collect();
+        let beyond = doorways.iter().filter_map(|door| match (door.0 == part, door.1 == part) {
+            (true, false) => Some(door.1),
+            (false, true) => Some(door.0),
+            _ => None,
+        });
+        RoomShape { elongation: elongation(&places), doors: beyond.collect::<BTreeSet<usize>>().len() }
     };
     members.iter().enumerate().map(shape).collect()
 }
 
-/// Square root of the ratio of the principal variances; 1 for fewer than four points.
-fn elongation(points: &[Vector2<f64>]) -> f64 {
-    if points.len() < 4 {
+/// Length over width of the free space: the extents of the places along their principal axes, each widened by the clearance
+/// on both sides (a room of 3 x 5 m has all its places on one line of 2 m). 1 for fewer than four places.
+fn elongation(places: &[&Place]) -> f64 {
+    if places.len() < 4 {
         return 1.0;
     }
+    let points: Vec<Vector2<f64>> = places.iter().map(|place| place.position.coords.xy()).collect();
     let mean = points.iter().sum::<Vector2<f64>>() / points.len() as f64;
     let scatter: Matrix2<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-    let scatter = scatter / points.len() as f64;
-    let eigen = scatter.symmetric_eigenvalues();
-    // Places of a room of any shape are spread by at least their own spacing.
-    const SPREAD_M2: f64 = 0.05;
-    ((eigen.max() + SPREAD_M2) / (eigen.min().max(0.0) + SPREAD_M2)).sqrt()
+    let eigen = scatter.symmetric_eigen();
+    // Furniture narrows most places; the wide ones tell of the walls.
+    let mut clearances: Vec<f64> = places.iter().map(|place| place.clearance_m).collect();
+    clearances.sort_by(f64::total_cmp);
+    let clearance_m = clearances[clearances.len() * 3 / 4].max(0.2);
+    let extent_m = |axis: usize| {
+        let along = points.iter().map(|p| (p - mean).dot(&eigen.eigenvectors.column(axis)));
+        let (low, high) = along.fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+        high - low + 2.0 * clearance_m
+    };
+    let (a, b) = (extent_m(0), extent_m(1));
+    a.max(b) / a.min(b)
 }
 
 /// Names from kinds where they are sure enough; "room N" otherwise; a user's name always. The older room keeps the plain
