@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 
 use crate::bounds::Aabb;
+use crate::co_occurrence::{Shares, rank, shares, together};
 use crate::graph::SceneGraph;
 use crate::group::Group;
 use crate::ids::{GroupId, ObjectId};
-use crate::labels::label_similarity;
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::relation::{RelationKind, Verdict};
@@ -34,7 +34,13 @@ pub struct GroupConfig {
 
 impl Default for GroupConfig {
     fn default() -> GroupConfig {
-        GroupConfig { reach_m: 1.5, decay_m: 0.8, min_affinity: 0.35, hysteresis: 0.1, max_extent_m: 4.0 }
+        GroupConfig {
+            reach_m: 1.5,
+            decay_m: 0.8,
+            min_affinity: 0.35,
+            hysteresis: 0.1,
+            max_extent_m: 4.0,
+        }
     }
 }
 
@@ -48,65 +54,20 @@ impl GroupConfig {
             ("max_extent_m", self.max_extent_m),
         ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(ConfigError { field, rule: "positive and finite" });
+                return Err(ConfigError {
+                    field,
+                    rule: "positive and finite",
+                });
             }
         }
         if !(self.hysteresis >= 0.0 && self.hysteresis.is_finite()) {
-            return Err(ConfigError { field: "hysteresis", rule: "finite and not negative" });
+            return Err(ConfigError {
+                field: "hysteresis",
+                rule: "finite and not negative",
+            });
         }
         Ok(())
     }
-}
-
-/// Things that carry or organise others, with their rank: the highest rank in a group, then the largest, names it.
-const SUPPORTS: &[(&str, u32)] = &[
-    ("dining table", 5),
-    ("meeting table", 5),
-    ("conference table", 5),
-    ("reception desk", 5),
-    ("bed", 5),
-    ("desk", 4),
-    ("workbench", 4),
-    ("lab bench", 4),
-    ("sofa", 4),
-    ("kitchen counter", 4),
-    ("counter", 4),
-    ("table", 3),
-    ("coffee table", 2),
-    ("sideboard", 2),
-    ("tv stand", 2),
-    ("bookshelf", 2),
-    ("shelf", 2),
-    ("sink", 1),
-    ("side table", 1),
-    ("nightstand", 1),
-    ("cabinet", 1),
-];
-
-/// Sets of classes that are used together.
-const TOGETHER: &[&[&str]] = &[
-    &["dining table", "table", "chair", "dining chair", "plate", "bowl", "mug", "glass", "vase", "bottle", "candle"],
-    &["desk", "office chair", "chair", "monitor", "keyboard", "mouse", "laptop", "lamp", "computer", "printer", "book",
-      "notebook", "mug", "phone", "filing cabinet", "headphones", "pen holder", "trash can"],
-    &["sofa", "armchair", "coffee table", "tv", "tv stand", "rug", "pillow", "floor lamp", "side table", "blanket", "remote"],
-    &["bed", "nightstand", "lamp", "pillow", "blanket", "dresser", "alarm clock"],
-    &["kitchen counter", "counter", "stove", "sink", "fridge", "microwave", "oven", "dishwasher", "kettle", "toaster",
-      "mug", "pot", "pan", "plate", "bowl", "coffee machine", "bottle", "cabinet", "dish rack", "knife block"],
-    &["toilet", "sink", "bathtub", "shower", "mirror", "towel", "soap", "toothbrush", "bathroom cabinet", "toilet paper"],
-    &["meeting table", "conference table", "office chair", "chair", "whiteboard", "projector", "projector screen", "tv"],
-    &["washing machine", "dryer", "laundry basket", "detergent", "ironing board", "drying rack"],
-    &["printer", "copier", "paper shredder", "shelf", "cabinet", "paper tray"],
-    &["bookshelf", "shelf", "book", "vase", "box", "globe", "armchair"],
-    &["workbench", "lab bench", "microscope", "oscilloscope", "stool", "monitor", "computer", "toolbox", "robot arm"],
-    &["coat rack", "shoe rack", "umbrella stand", "mirror", "bench"],
-];
-
-/// How well two classes go together, in `[0, 1]`.
-pub fn co_occurrence(a: &str, b: &str) -> f64 {
-    let share = |set: &[&str], label: &str| {
-        set.iter().map(|class| label_similarity(class, label)).filter(|s| *s >= 0.8).fold(0.0, f64::max)
-    };
-    TOGETHER.iter().map(|set| share(set, a) * share(set, b)).fold(0.0, f64::max)
 }
 
 /// Recomputes the groups of confirmed, unmoving objects, room by room. A group keeps its id while most of its members stay.
@@ -118,31 +79,70 @@ pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64
     config.validate()?;
     let clusters = clusters(graph, config);
     let ids = identify(graph, &clusters);
-    let mut groups: Vec<Group> =
-        clusters.iter().zip(&ids).map(|(members, id)| describe(graph, members, *id)).collect();
+    let mut ranks: BTreeMap<String, u32> = BTreeMap::new();
+    let mut rank_of = |label: &str| match ranks.get(label) {
+        Some(rank) => *rank,
+        None => *ranks.entry(label.to_owned()).or_insert_with(|| rank(label)),
+    };
+    let mut groups: Vec<Group> = clusters
+        .iter()
+        .zip(&ids)
+        .map(|(members, id)| describe(graph, members, *id, &mut rank_of))
+        .collect();
     name_groups(graph, &mut groups);
-    let gone = graph.groups().map(|group| group.id).filter(|id| !ids.contains(id));
+    let gone = graph
+        .groups()
+        .map(|group| group.id)
+        .filter(|id| !ids.contains(id));
     let mut ops: Vec<Op> = gone.map(Op::RemoveGroup).collect();
     // Members that change group leave first, so that no group is put with a member it loses again.
     for group in &groups {
-        if graph.group(group.id).is_some_and(|known| known.members != group.members) {
+        if graph
+            .group(group.id)
+            .is_some_and(|known| known.members != group.members)
+        {
             ops.push(Op::RemoveGroup(group.id));
         }
     }
-    ops.extend(groups.into_iter().map(|group| Op::PutGroup(Box::new(group))));
+    ops.extend(
+        groups
+            .into_iter()
+            .map(|group| Op::PutGroup(Box::new(group))),
+    );
     Ok(graph.apply(Op::Batch(ops))?.revision)
 }
 
 fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>> {
-    let objects: Vec<&Object> =
-        graph.confirmed_objects().filter(|object| object.room.is_some() && !object.is_dynamic()).collect();
+    let objects: Vec<&Object> = graph
+        .confirmed_objects()
+        .filter(|object| object.room.is_some() && !object.is_dynamic())
+        .collect();
+    // There are far fewer classes than objects, and far fewer objects than pairs.
+    let mut of_label: BTreeMap<&str, Shares> = BTreeMap::new();
+    for object in &objects {
+        of_label
+            .entry(&object.label)
+            .or_insert_with(|| shares(&object.label));
+    }
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     let mut order: Vec<usize> = (0..objects.len()).collect();
-    order.sort_by(|a, b| objects[*a].bounds.min.x.total_cmp(&objects[*b].bounds.min.x).then(a.cmp(b)));
+    order.sort_by(|a, b| {
+        objects[*a]
+            .bounds
+            .min
+            .x
+            .total_cmp(&objects[*b].bounds.min.x)
+            .then(a.cmp(b))
+    });
     for (at, &i) in order.iter().enumerate() {
         let reach = objects[i].bounds.max.x + config.reach_m;
-        for &j in order[at + 1..].iter().take_while(|&&j| objects[j].bounds.min.x <= reach) {
-            let affinity = affinity(graph, objects[i], objects[j], config);
+        for &j in order[at + 1..]
+            .iter()
+            .take_while(|&&j| objects[j].bounds.min.x <= reach)
+        {
+            let co_occurrence =
+                || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
+            let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
             if affinity > config.min_affinity {
                 pairs.push((affinity, i.min(j), i.max(j)));
             }
@@ -151,10 +151,15 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
 
     let mut cluster_of: Vec<usize> = (0..objects.len()).collect();
-    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> =
-        objects.iter().map(|object| (object.bounds, BTreeSet::from([object.id]))).collect();
+    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> = objects
+        .iter()
+        .map(|object| (object.bounds, BTreeSet::from([object.id])))
+        .collect();
     for (_, i, j) in pairs {
-        let (a, b) = (cluster_of[i].min(cluster_of[j]), cluster_of[i].max(cluster_of[j]));
+        let (a, b) = (
+            cluster_of[i].min(cluster_of[j]),
+            cluster_of[i].max(cluster_of[j]),
+        );
         if a == b {
             continue;
         }
@@ -164,13 +169,26 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
             let members = std::mem::take(&mut clusters[b].1);
             clusters[a].0 = joined;
             clusters[a].1.extend(members);
-            cluster_of.iter_mut().filter(|cluster| **cluster == b).for_each(|cluster| *cluster = a);
+            cluster_of
+                .iter_mut()
+                .filter(|cluster| **cluster == b)
+                .for_each(|cluster| *cluster = a);
         }
     }
-    clusters.into_iter().map(|(_, members)| members).filter(|members| members.len() >= 2).collect()
+    clusters
+        .into_iter()
+        .map(|(_, members)| members)
+        .filter(|members| members.len() >= 2)
+        .collect()
 }
 
-fn affinity(graph: &SceneGraph, a: &Object, b: &Object, config: &GroupConfig) -> f64 {
+fn affinity(
+    graph: &SceneGraph,
+    a: &Object,
+    b: &Object,
+    co_occurrence: impl Fn() -> f64,
+    config: &GroupConfig,
+) -> f64 {
     if a.room != b.room {
         return 0.0;
     }
@@ -179,12 +197,21 @@ fn affinity(graph: &SceneGraph, a: &Object, b: &Object, config: &GroupConfig) ->
         return 0.0;
     }
     let carries = |kind| {
-        let holds = |key| graph.relations.get(&key).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+        let holds = |key| {
+            graph
+                .relations
+                .get(&key)
+                .is_some_and(|known| known.evidence.verdict == Verdict::Holds)
+        };
         holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
     };
     let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
-    let together = if is_carried { 1.0 } else { co_occurrence(&a.label, &b.label) };
-    let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
+    let together = if is_carried { 1.0 } else { co_occurrence() };
+    let stays = if a.group.is_some() && a.group == b.group {
+        config.hysteresis
+    } else {
+        0.0
+    };
     (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
 }
 
@@ -193,7 +220,11 @@ fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId>
     let mut overlaps: Vec<(f64, GroupId, usize)> = Vec::new();
     for group in graph.groups() {
         for (at, members) in clusters.iter().enumerate() {
-            let common = group.members.iter().filter(|member| members.contains(member)).count() as f64;
+            let common = group
+                .members
+                .iter()
+                .filter(|member| members.contains(member))
+                .count() as f64;
             let jaccard = common / (group.members.len() as f64 + members.len() as f64 - common);
             if jaccard > 0.3 {
                 overlaps.push((jaccard, group.id, at));
@@ -217,19 +248,35 @@ fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId>
     ids.into_iter().map(fresh).collect()
 }
 
-fn describe(graph: &SceneGraph, members: &BTreeSet<ObjectId>, id: GroupId) -> Group {
-    let objects: Vec<&Object> = members.iter().filter_map(|member| graph.object(*member)).collect();
-    let support = objects.iter().max_by(|a, b| {
-        let key = |object: &Object| (rank(&object.label), object.bounds.volume_m3());
-        let (x, y) = (key(a), key(b));
-        x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)).then(b.id.cmp(&a.id))
-    });
-    // The support as it was stays the support while nothing outranks it: volumes breathe.
-    let known = graph.group(id).and_then(|group| group.support).filter(|known| members.contains(known));
-    let support = match (known.and_then(|known| graph.object(known)), support) {
-        (Some(known), Some(best)) if rank(&known.label) >= rank(&best.label) => Some(known),
-        (_, best) => best.copied(),
+fn describe(
+    graph: &SceneGraph,
+    members: &BTreeSet<ObjectId>,
+    id: GroupId,
+    rank_of: &mut impl FnMut(&str) -> u32,
+) -> Group {
+    let objects: Vec<&Object> = members
+        .iter()
+        .filter_map(|member| graph.object(*member))
+        .collect();
+    // The support as it was wins among equals of rank: volumes breathe.
+    let known = graph.group(id).and_then(|group| group.support);
+    let mut key = |object: &&Object| {
+        (
+            rank_of(&object.label),
+            known == Some(object.id),
+            object.bounds.volume_m3(),
+        )
     };
+    let keyed = objects.iter().copied().map(|object| (key(&object), object));
+    let best = keyed.max_by(
+        |((rank_a, known_a, volume_a), a), ((rank_b, known_b, volume_b), b)| {
+            (rank_a, known_a)
+                .cmp(&(rank_b, known_b))
+                .then(volume_a.total_cmp(volume_b))
+                .then(b.id.cmp(&a.id))
+        },
+    );
+    let support = best.map(|(_, object)| object);
     let sum: Vector3<f64> = objects.iter().map(|object| object.centroid.coords).sum();
     let center = sum / objects.len().max(1) as f64;
     Group {
@@ -243,16 +290,14 @@ fn describe(graph: &SceneGraph, members: &BTreeSet<ObjectId>, id: GroupId) -> Gr
     }
 }
 
-fn rank(label: &str) -> u32 {
-    let exact = SUPPORTS.iter().find(|(class, _)| *class == label);
-    let narrower = || SUPPORTS.iter().find(|(class, _)| label_similarity(class, label) >= 0.8);
-    exact.or_else(narrower).map_or(0, |(_, rank)| *rank)
-}
-
 /// Makes names unique: the group that has a name keeps it, others are numbered.
 fn name_groups(graph: &SceneGraph, groups: &mut [Group]) {
     let mut taken: BTreeSet<String> = BTreeSet::new();
-    let mut by_id: BTreeMap<GroupId, usize> = groups.iter().enumerate().map(|(at, group)| (group.id, at)).collect();
+    let mut by_id: BTreeMap<GroupId, usize> = groups
+        .iter()
+        .enumerate()
+        .map(|(at, group)| (group.id, at))
+        .collect();
     by_id.retain(|id, at| {
         let base = &groups[*at].name;
         let old = graph.group(*id).map(|known| known.name.clone());
@@ -286,7 +331,12 @@ mod tests {
 
     fn scene(things: &[(&str, f64, f64)]) -> SceneGraph {
         let mut graph = SceneGraph::new();
-        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
+        graph
+            .apply(Op::PutRoom(Box::new(Room::new(
+                RoomId(1),
+                Point3::origin(),
+            ))))
+            .unwrap();
         for (at, (label, x, y)) in things.iter().enumerate() {
             put(&mut graph, at as u64 + 1, label, *x, *y);
         }
@@ -295,7 +345,10 @@ mod tests {
 
     fn put(graph: &mut SceneGraph, id: u64, label: &str, x: f64, y: f64) {
         let bounds = Aabb::from_center(Point3::new(x, y, 0.4), Vector3::new(0.5, 0.5, 0.8));
-        let object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(id), label, bounds) };
+        let object = Object {
+            room: Some(RoomId(1)),
+            ..Object::new(ObjectId(id), label, bounds)
+        };
         graph.apply(Op::PutObject(Box::new(object))).unwrap();
     }
 
@@ -323,7 +376,11 @@ mod tests {
     fn a_member_that_moves_a_little_stays_and_the_id_survives() {
         // Desk and chair, affinity 1: exp(-gap / 0.8) is 0.35 at a gap of 0.84 m, with hysteresis 0.25 at 1.11 m.
         let config = GroupConfig::default();
-        let mut graph = scene(&[("desk", 0.0, 0.0), ("office chair", 1.2, 0.0), ("monitor", 0.0, 0.6)]);
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("office chair", 1.2, 0.0),
+            ("monitor", 0.0, 0.6),
+        ]);
         update_groups(&mut graph, &config).unwrap();
         let id = graph.groups().next().unwrap().id;
         assert_eq!(graph.group(id).unwrap().members.len(), 3);
@@ -338,8 +395,12 @@ mod tests {
 
     #[test]
     fn two_desks_have_two_names() {
-        let mut graph =
-            scene(&[("desk", 0.0, 0.0), ("monitor", 0.0, 0.6), ("desk", 6.0, 0.0), ("monitor", 6.0, 0.6)]);
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("monitor", 0.0, 0.6),
+            ("desk", 6.0, 0.0),
+            ("monitor", 6.0, 0.6),
+        ]);
         update_groups(&mut graph, &GroupConfig::default()).unwrap();
         let names: Vec<&str> = graph.groups().map(|group| group.name.as_str()).collect();
         assert_eq!(names, ["desk group", "desk group 2"]);

@@ -4,17 +4,13 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
+use crate::contact::{contact, is_above};
 use crate::graph::SceneGraph;
 use crate::ids::ObjectId;
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::relation::{Evidence, EvidenceSource, Relation, RelationKey, RelationKind, Verdict};
-
-/// Things with an open top or room beneath: what lies within their box is on or under them, not inside.
-const OPEN: &[&str] = &[
-    "table", "desk", "bench", "workbench", "counter", "bed", "sofa", "couch", "chair", "armchair", "stool", "nightstand",
-    "stand", "sideboard", "dresser", "rug", "carpet", "mat", "sink",
-];
+use crate::sight::blocking_point;
 
 /// Distances at which relations hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,12 +61,18 @@ impl RelationConfig {
             ("verify_threshold", self.verify_threshold),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(ConfigError { field, rule: "finite and not negative" });
+                return Err(ConfigError {
+                    field,
+                    rule: "finite and not negative",
+                });
             }
         }
         Ok(())
     }
 }
+
+/// The map's word on the line between two points: the point that blocks it, or `None` if it is clear.
+pub type SightLine<'a> = &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Option<Point3<f64>>;
 
 /// What an update found.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -95,7 +97,7 @@ pub struct RelationReport {
 /// A bad configuration. A verifier's score or a blocking point that is not finite counts as a rejection or as clear.
 pub fn update_relations(
     graph: &mut SceneGraph,
-    line_of_sight: &dyn Fn(&Point3<f64>, &Point3<f64>) -> Option<Point3<f64>>,
+    line_of_sight: SightLine,
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
 ) -> Result<RelationReport, OpError> {
@@ -123,10 +125,23 @@ pub fn update_relations(
 
     // The difference to what is known.
     let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
-    let gone = graph.relations.values().filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
+    let gone = graph
+        .relations
+        .values()
+        .filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
     let mut ops: Vec<Op> = gone.map(|known| Op::RemoveRelation(known.key())).collect();
-    let is_news = |relation: &&Relation| graph.relations.get(&relation.key()).is_none_or(|known| !is_stated(known));
-    ops.extend(relations.values().filter(is_news).map(|relation| Op::PutRelation(*relation)));
+    let is_news = |relation: &&Relation| {
+        graph
+            .relations
+            .get(&relation.key())
+            .is_none_or(|known| !is_stated(known))
+    };
+    ops.extend(
+        relations
+            .values()
+            .filter(is_news)
+            .map(|relation| Op::PutRelation(*relation)),
+    );
     report.revision = graph.apply(Op::Batch(ops))?.revision;
     Ok(report)
 }
@@ -135,10 +150,19 @@ pub fn update_relations(
 fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Object, &'a Object)> {
     let reach_m = config.near_m + NEAR_HYSTERESIS_M;
     let mut sorted: Vec<&Object> = graph.confirmed_objects().collect();
-    sorted.sort_by(|a, b| a.bounds.min.x.total_cmp(&b.bounds.min.x).then(a.id.cmp(&b.id)));
+    sorted.sort_by(|a, b| {
+        a.bounds
+            .min
+            .x
+            .total_cmp(&b.bounds.min.x)
+            .then(a.id.cmp(&b.id))
+    });
     let mut pairs = Vec::new();
     for (at, a) in sorted.iter().enumerate() {
-        for b in sorted[at + 1..].iter().take_while(|b| b.bounds.min.x <= a.bounds.max.x + reach_m) {
+        for b in sorted[at + 1..]
+            .iter()
+            .take_while(|b| b.bounds.min.x <= a.bounds.max.x + reach_m)
+        {
             if a.bounds.horizontal_gap_m(&b.bounds) <= reach_m {
                 pairs.push(if a.id < b.id { (*a, *b) } else { (*b, *a) });
             }
@@ -151,8 +175,16 @@ fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Ob
 const NEAR_HYSTERESIS_M: f64 = 0.1;
 
 /// What the boxes of a pair suggest: one contact or vertical relation in either direction, otherwise near.
-fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfig) -> Vec<Relation> {
+fn candidates(
+    graph: &SceneGraph,
+    a: &Object,
+    b: &Object,
+    config: &RelationConfig,
+) -> Vec<Relation> {
     let gap_m = a.bounds.gap_m(&b.bounds);
+    if are_on_two_floors(graph, a, b) {
+        return Vec::new();
+    }
     let relation = |subject: &Object, kind, object: &Object| Relation {
         subject: subject.id,
         kind,
@@ -178,11 +210,25 @@ fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfi
         }
     }
     let near = relation(a, RelationKind::Near, b);
-    let is_known = graph.relations.get(&near.key()).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+    let is_known = graph
+        .relations
+        .get(&near.key())
+        .is_some_and(|known| known.evidence.verdict == Verdict::Holds);
     if gap_m <= config.near_m + if is_known { NEAR_HYSTERESIS_M } else { 0.0 } {
         found.push(near);
     }
     found
+}
+
+/// A lamp hangs under a ceiling, not under the rug above it.
+fn are_on_two_floors(graph: &SceneGraph, a: &Object, b: &Object) -> bool {
+    let floor = |object: &Object| {
+        object
+            .room
+            .and_then(|room| graph.room(room))
+            .map(|room| room.floor)
+    };
+    matches!((floor(a), floor(b)), (Some(a), Some(b)) if a != b)
 }
 
 /// Gaps are stored to the decimetre: boxes breathe by centimetres with every frame, and that is no news.
@@ -190,108 +236,26 @@ fn rounded(gap_m: f64) -> f64 {
     (gap_m * 10.0).round() / 10.0
 }
 
-/// On, inside or under by touching boxes.
-fn contact(subject: &Object, object: &Object, config: &RelationConfig) -> Option<RelationKind> {
-    let (s, o) = (&subject.bounds, &object.bounds);
-    let (s_size, o_size) = (s.sides_m(), o.sides_m());
-    let is_over = s.footprint_overlap(o) >= 0.5 && s_size.x * s_size.y <= 1.5 * o_size.x * o_size.y;
-    if !is_over {
-        return None;
-    }
-    if (s.min.z - o.max.z).abs() <= config.contact_m && s.center().z > o.center().z {
-        return Some(RelationKind::On);
-    }
-    let is_within = o.inflated(0.05).contains(&s.min) && o.inflated(0.05).contains(&s.max);
-    let is_open = OPEN.iter().any(|open| object.label == *open || object.label.ends_with(&format!(" {open}")));
-    if is_open {
-        // Chairs and sofas have backs, desks have screens: what rests on them lies within their box, above the middle.
-        // What stands on the same floor beneath them lies within it too, below the top.
-        let rests = s.min.z > o.center().z - 0.1 * o_size.z && s.min.z <= o.max.z;
-        let is_beneath = s.center().z < o.center().z && s.max.z <= o.max.z - 0.05 && s_size.z < 0.9 * o_size.z;
-        return if rests && subject.bounds.volume_m3() < object.bounds.volume_m3() {
-            Some(RelationKind::On)
-        } else if is_beneath && s.footprint_overlap(o) >= 0.6 {
-            Some(RelationKind::Under)
-        } else {
-            None
-        };
-    }
-    (is_within && s.volume_m3() <= 0.5 * o.volume_m3()).then_some(RelationKind::Inside)
-}
-
-/// Over the object (or over its edge: a picture hangs on the wall behind the sofa), with a gap.
-fn is_above(subject: &Object, object: &Object, config: &RelationConfig) -> bool {
-    const BEHIND_M: f64 = 0.25;
-    let gap_m = subject.bounds.min.z - object.bounds.max.z;
-    gap_m > config.contact_m
-        && gap_m <= config.above_m
-        && subject.bounds.footprint_overlap(&object.bounds.inflated(BEHIND_M)) >= 0.5
-}
-
 /// Eq. 6, then Eq. 7.
 fn judge(
     graph: &SceneGraph,
     mut relation: Relation,
-    line_of_sight: &dyn Fn(&Point3<f64>, &Point3<f64>) -> Option<Point3<f64>>,
+    line_of_sight: SightLine,
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
     report: &mut RelationReport,
 ) -> Relation {
     if relation.kind == RelationKind::Near
-        && let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object))
+        && let (Some(a), Some(b)) = (
+            graph.object(relation.subject),
+            graph.object(relation.object),
+        )
         && let Some(at) = blocking_point(a, b, line_of_sight, config)
     {
         relation.evidence.verdict = Verdict::Blocked(at);
         return relation;
     }
     ask(graph, relation, verify, config, report)
-}
-
-/// OmniVLN Eq. 6: the edge falls if the map comes too near to the line between the two.
-///
-/// Departure: the line over both tops must be blocked as well. Two things on one table have the table top within reach of
-/// the line between their centres, which would prune true relations; a wall blocks both lines.
-fn blocking_point(
-    a: &Object,
-    b: &Object,
-    line_of_sight: &dyn Fn(&Point3<f64>, &Point3<f64>) -> Option<Point3<f64>>,
-    config: &RelationConfig,
-) -> Option<Point3<f64>> {
-    let over_m = a.bounds.max.z.max(b.bounds.max.z) + config.sight_margin_m;
-    let between_centres = (a.centroid, b.centroid);
-    let over_the_tops = (lifted(&a.centroid, over_m), lifted(&b.centroid, over_m));
-    let mut first_block = None;
-    for (from, to) in [between_centres, over_the_tops] {
-        let start = exit(&from, &to, a, config.sight_margin_m);
-        let end = exit(&to, &from, b, config.sight_margin_m);
-        // The free part is empty: they touch.
-        if (end - start).dot(&(to - from)) <= 0.0 {
-            return None;
-        }
-        let blocked = line_of_sight(&start, &end).filter(|at| at.iter().all(|x| x.is_finite()))?;
-        first_block = first_block.or(Some(blocked));
-    }
-    first_block
-}
-
-fn lifted(point: &Point3<f64>, z_m: f64) -> Point3<f64> {
-    Point3::new(point.x, point.y, z_m)
-}
-
-/// The point where the ray from `from` towards `to` has left the object's box by the margin (seen from above, so that the
-/// line over the tops starts beside the box as well).
-fn exit(from: &Point3<f64>, to: &Point3<f64>, object: &Object, margin_m: f64) -> Point3<f64> {
-    let along = to - from;
-    let around = object.bounds.inflated(margin_m);
-    let mut leave = f64::INFINITY;
-    for k in 0..2 {
-        if along[k] > 0.0 {
-            leave = leave.min((around.max[k] - from[k]) / along[k]);
-        } else if along[k] < 0.0 {
-            leave = leave.min((around.min[k] - from[k]) / along[k]);
-        }
-    }
-    if leave.is_finite() { from + along * leave } else { *from }
 }
 
 /// OmniVLN Eq. 7: short relations are shown to the verifier, once.
@@ -305,15 +269,27 @@ fn ask(
     if relation.evidence.distance_m >= config.verify_within_m {
         return relation;
     }
-    let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object)) else { return relation };
-    let known = graph.relations.get(&relation.key()).map(|known| known.evidence);
+    let (Some(a), Some(b)) = (
+        graph.object(relation.subject),
+        graph.object(relation.object),
+    ) else {
+        return relation;
+    };
+    let known = graph
+        .relations
+        .get(&relation.key())
+        .map(|known| known.evidence);
     relation.evidence.source = EvidenceSource::Verifier;
     relation.evidence.score = match known {
         Some(known) if known.source == EvidenceSource::Verifier => known.score,
         _ => {
             report.asked += 1;
             let score = verify(a, b, relation.kind);
-            if score.is_finite() { score.clamp(0.0, 1.0) } else { 0.0 }
+            if score.is_finite() {
+                score.clamp(0.0, 1.0)
+            } else {
+                0.0
+            }
         }
     };
     if relation.evidence.score <= config.verify_threshold {
@@ -325,9 +301,14 @@ fn ask(
 /// Keeps a near relation if it is among the nearest of either end.
 fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize) {
     let mut of: BTreeMap<ObjectId, Vec<(f64, RelationKey)>> = BTreeMap::new();
-    for (key, relation) in relations.iter().filter(|(key, _)| key.1 == RelationKind::Near) {
+    for (key, relation) in relations
+        .iter()
+        .filter(|(key, _)| key.1 == RelationKind::Near)
+    {
         for id in [key.0, key.2] {
-            of.entry(id).or_default().push((relation.evidence.distance_m, *key));
+            of.entry(id)
+                .or_default()
+                .push((relation.evidence.distance_m, *key));
         }
     }
     let mut kept = std::collections::BTreeSet::new();
@@ -340,7 +321,11 @@ fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
 /// subject, the closest.
-fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, config: &RelationConfig) -> Vec<Relation> {
+fn between(
+    graph: &SceneGraph,
+    relations: &BTreeMap<RelationKey, Relation>,
+    config: &RelationConfig,
+) -> Vec<Relation> {
     const COS_150_DEG: f64 = -0.866;
     const HEIGHT_M: f64 = 0.6;
     let mut near: BTreeMap<ObjectId, Vec<ObjectId>> = BTreeMap::new();
@@ -353,7 +338,9 @@ fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, conf
     let mut found = Vec::new();
     for (id, others) in &mut near {
         others.sort_unstable();
-        let Some(subject) = graph.object(*id) else { continue };
+        let Some(subject) = graph.object(*id) else {
+            continue;
+        };
         let flat = |to: &Object| {
             let v = to.centroid - subject.centroid;
             Vector3::new(v.x, v.y, 0.0)
@@ -369,15 +356,29 @@ fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, conf
                 let (to_a, to_b) = (flat(a), flat(b));
                 let span_m = to_a.norm() + to_b.norm();
                 let is_opposite = to_a.dot(&to_b) <= COS_150_DEG * to_a.norm() * to_b.norm();
-                if is_opposite && to_a.norm() > 0.05 && to_b.norm() > 0.05 && span_m <= config.between_m {
+                if is_opposite
+                    && to_a.norm() > 0.05
+                    && to_b.norm() > 0.05
+                    && span_m <= config.between_m
+                {
                     let evidence = Evidence {
                         verdict: Verdict::Holds,
                         source: EvidenceSource::Geometry,
-                        distance_m: rounded(a.bounds.gap_m(&subject.bounds).max(b.bounds.gap_m(&subject.bounds))),
+                        distance_m: rounded(
+                            a.bounds
+                                .gap_m(&subject.bounds)
+                                .max(b.bounds.gap_m(&subject.bounds)),
+                        ),
                         score: 1.0,
                     };
                     let kind = RelationKind::Between;
-                    let relation = Relation { subject: *id, kind, object: a.id, other: Some(b.id), evidence };
+                    let relation = Relation {
+                        subject: *id,
+                        kind,
+                        object: a.id,
+                        other: Some(b.id),
+                        evidence,
+                    };
                     of_subject.push((span_m, relation));
                 }
             }
@@ -435,8 +436,18 @@ mod tests {
         ]);
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
         let found = found(&graph);
-        for expected in ["O2 on O1", "O3 under O1", "O5 inside O4", "O7 above O6", "O6 under O7", "O8 on O6"] {
-            assert!(found.contains(&expected.to_owned()), "{expected} in {found:?}");
+        for expected in [
+            "O2 on O1",
+            "O3 under O1",
+            "O5 inside O4",
+            "O7 above O6",
+            "O6 under O7",
+            "O8 on O6",
+        ] {
+            assert!(
+                found.contains(&expected.to_owned()),
+                "{expected} in {found:?}"
+            );
         }
         graph.check_invariants().unwrap();
     }
@@ -450,7 +461,11 @@ mod tests {
             ("chair", [2.0, 0.0, 0.45], side),
         ]);
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
-        assert!(found(&graph).contains(&"O2 between O1 O3".to_owned()), "{:?}", found(&graph));
+        assert!(
+            found(&graph).contains(&"O2 between O1 O3".to_owned()),
+            "{:?}",
+            found(&graph)
+        );
     }
 
     #[test]
@@ -501,15 +516,23 @@ mod tests {
 
     #[test]
     fn stated_relations_stay() {
-        let mut graph = scene(&[("chair", [0.0, 0.0, 0.0], [0.5; 3]), ("plant", [9.0, 0.0, 0.0], [0.5; 3])]);
+        let mut graph = scene(&[
+            ("chair", [0.0, 0.0, 0.0], [0.5; 3]),
+            ("plant", [9.0, 0.0, 0.0], [0.5; 3]),
+        ]);
         let evidence = Evidence {
             verdict: Verdict::Holds,
             source: EvidenceSource::Stated,
             distance_m: 8.5,
             score: 1.0,
         };
-        let relation =
-            Relation { subject: ObjectId(1), kind: RelationKind::Near, object: ObjectId(2), other: None, evidence };
+        let relation = Relation {
+            subject: ObjectId(1),
+            kind: RelationKind::Near,
+            object: ObjectId(2),
+            other: None,
+            evidence,
+        };
         graph.apply(Op::PutRelation(relation)).unwrap();
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
         assert_eq!(graph.relations().count(), 1);

@@ -8,11 +8,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion};
 use serde_json::{Value, json};
 
 use crate::agent::{Agent, AgentPose};
-use crate::bounds::Aabb;
 use crate::graph::SceneGraph;
 use crate::group::Group;
 use crate::ids::{AgentId, BuildingId, GroupId, ObjectId, PlaceId, RoomId};
@@ -22,6 +21,9 @@ use crate::op::Op;
 use crate::place::{Place, PlaceEdge};
 use crate::room::{Building, Room, RoomEdge, Storey};
 use crate::rooms::{RoomConfig, name_rooms};
+use crate::spark_attributes::{
+    bounds, building, color, group, is_symbol, place, position, room, without_number,
+};
 
 /// Newest major version read.
 const MAJOR: u64 = 1;
@@ -32,11 +34,17 @@ const NO_LABEL: u32 = u32::MAX;
 ///
 /// # Errors
 /// Every fault of the text, a node or an edge, with its JSON path. Never a panic, whatever the bytes.
-pub fn read_spark_dsg(bytes: &[u8], label_names: Option<&BTreeMap<u32, String>>) -> Result<SceneGraph, LoadError> {
+pub fn read_spark_dsg(
+    bytes: &[u8],
+    label_names: Option<&BTreeMap<u32, String>>,
+) -> Result<SceneGraph, LoadError> {
     let value = parse(bytes)?;
     let root = Cursor::root(&value);
     check_header(&root)?;
-    let mut import = Import { label_names, ..Import::default() };
+    let mut import = Import {
+        label_names,
+        ..Import::default()
+    };
     for node in root.get("nodes")?.items()? {
         import.node(&node)?;
     }
@@ -48,7 +56,11 @@ pub fn read_spark_dsg(bytes: &[u8], label_names: Option<&BTreeMap<u32, String>>)
         // theirs may be any JSON
         match metadata.value {
             Value::Object(map) => graph.metadata.extend(map.clone()),
-            other => drop(graph.metadata.insert("spark_metadata".into(), other.clone())),
+            other => drop(
+                graph
+                    .metadata
+                    .insert("spark_metadata".into(), other.clone()),
+            ),
         }
     }
     graph.clear_log();
@@ -62,7 +74,10 @@ fn check_header(root: &Cursor) -> Result<(), LoadError> {
         Some(header) => {
             let major = header.get("version")?.get("major")?.u64()?;
             if major > MAJOR {
-                return Err(LoadError::NewerVersion { major, supported: MAJOR });
+                return Err(LoadError::NewerVersion {
+                    major,
+                    supported: MAJOR,
+                });
             }
             root.get("layer_keys").map(drop)
         }
@@ -134,42 +149,60 @@ impl Import<'_> {
             }
             "PlaceNodeAttributes" if partition == 0 => {
                 let key = free(index, |i| self.places.contains_key(&PlaceId(i)));
-                self.places.insert(PlaceId(key), place(PlaceId(key), &attributes)?);
+                self.places
+                    .insert(PlaceId(key), place(PlaceId(key), &attributes)?);
                 Kind::Place(PlaceId(key))
             }
             "RoomNodeAttributes" => {
                 let key = free(index, |i| self.rooms.contains_key(&RoomId(i)));
-                self.rooms.insert(RoomId(key), room(RoomId(key), &attributes)?);
+                self.rooms
+                    .insert(RoomId(key), room(RoomId(key), &attributes)?);
                 Kind::Room(RoomId(key))
             }
             "SemanticNodeAttributes" if layer == 5 => {
                 let key = free(index, |i| self.buildings.contains_key(&BuildingId(i)));
-                self.buildings.insert(BuildingId(key), building(BuildingId(key), &attributes)?);
+                self.buildings
+                    .insert(BuildingId(key), building(BuildingId(key), &attributes)?);
                 Kind::Building(BuildingId(key))
             }
             "SemanticNodeAttributes" if layer == 2 && partition == 1 => {
                 let key = free(index, |i| self.groups.contains_key(&GroupId(i)));
-                self.groups.insert(GroupId(key), group(GroupId(key), &attributes)?);
+                self.groups
+                    .insert(GroupId(key), group(GroupId(key), &attributes)?);
                 Kind::Group(GroupId(key))
             }
             "AgentNodeAttributes" => {
                 // Up to 1.0.x the robot is `prefix` and the stamp stands beside the id; from 1.1.0 on it is the partition.
                 let robot = at.find("prefix").map_or(Ok(partition), |c| c.u32())?;
-                let stamp = attributes.find("timestamp").or_else(|| at.find("timestamp"));
+                let stamp = attributes
+                    .find("timestamp")
+                    .or_else(|| at.find("timestamp"));
                 let stamp_ns = stamp.map_or(Ok(0), |c| c.i64())?;
-                let rotation =
-                    attributes.find("world_R_body").map_or(Ok(UnitQuaternion::identity()), |c| c.quaternion())?;
+                let rotation = attributes
+                    .find("world_R_body")
+                    .map_or(Ok(UnitQuaternion::identity()), |c| c.quaternion())?;
                 let position = position(&attributes)?;
                 let world_from_body = Isometry3::from_parts(position.coords.into(), rotation);
-                self.agents.entry(robot).or_default().push(AgentPose { stamp_ns, world_from_body });
+                self.agents.entry(robot).or_default().push(AgentPose {
+                    stamp_ns,
+                    world_from_body,
+                });
                 Kind::Pose
             }
-            "NodeAttributes" | "SemanticNodeAttributes" | "PlaceNodeAttributes" | "Place2dNodeAttributes"
-            | "TraversabilityNodeAttributes" | "TravNodeAttributes" => {
+            "NodeAttributes"
+            | "SemanticNodeAttributes"
+            | "PlaceNodeAttributes"
+            | "Place2dNodeAttributes"
+            | "TraversabilityNodeAttributes"
+            | "TravNodeAttributes" => {
                 self.skipped += 1;
                 Kind::Skipped
             }
-            _ => return Err(LoadError::UnknownType { path: node_type.path() }),
+            _ => {
+                return Err(LoadError::UnknownType {
+                    path: node_type.path(),
+                });
+            }
         };
         self.kinds.insert(id, kind);
         Ok(())
@@ -179,16 +212,28 @@ impl Import<'_> {
         let position = position(at)?;
         let bounds = bounds(at, &position)?;
         let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-        let number = at.find("semantic_label").map_or(Ok(NO_LABEL), |c| c.u32())?;
-        let from_table = self.label_names.and_then(|names| names.get(&number)).map(String::as_str);
+        let number = at
+            .find("semantic_label")
+            .map_or(Ok(NO_LABEL), |c| c.u32())?;
+        let from_table = self
+            .label_names
+            .and_then(|names| names.get(&number))
+            .map(String::as_str);
         let from_name = (!name.is_empty() && !is_symbol(name)).then(|| without_number(name));
-        let label = match from_table.or(from_name).map(str::trim).filter(|label| !label.is_empty()) {
+        let label = match from_table
+            .or(from_name)
+            .map(str::trim)
+            .filter(|label| !label.is_empty())
+        {
             Some(label) => label.to_lowercase(),
             None if number == NO_LABEL => "unknown".to_owned(),
             None => format!("label {number}"),
         };
         let mut object = Object::new(id, &label, bounds);
-        object.metadata = at.find("metadata").and_then(|c| c.value.as_object().cloned()).unwrap_or_default();
+        object.metadata = at
+            .find("metadata")
+            .and_then(|c| c.value.as_object().cloned())
+            .unwrap_or_default();
         if let Some(caption) = object.metadata.get("caption").and_then(Value::as_str) {
             object.caption = caption.to_owned();
         }
@@ -196,7 +241,9 @@ impl Import<'_> {
         // Their colours come from a label table, not from a camera: kept, but not made into a word.
         object.attributes = crate::attributes::attributes_of(&object.caption, None);
         object.metadata.insert("spark_id".into(), json!(spark_id));
-        object.metadata.insert("semantic_label".into(), json!(number));
+        object
+            .metadata
+            .insert("semantic_label".into(), json!(number));
         if !name.is_empty() {
             object.metadata.insert("name".into(), json!(name));
         }
@@ -205,7 +252,9 @@ impl Import<'_> {
         object.first_seen_ns = object.last_seen_ns;
         if let Some(first) = at.find("first_observed_ns") {
             for stamp in first.items()? {
-                object.first_seen_ns = object.first_seen_ns.min(i64::try_from(stamp.u64()?).unwrap_or(i64::MAX));
+                object.first_seen_ns = object
+                    .first_seen_ns
+                    .min(i64::try_from(stamp.u64()?).unwrap_or(i64::MAX));
             }
         }
         // Khronos: an object with a trajectory moves.
@@ -220,17 +269,30 @@ impl Import<'_> {
     fn edge(&mut self, at: &Cursor) -> Result<(), LoadError> {
         let (source_at, target_at) = (at.get("source")?, at.get("target")?);
         let (source, target) = (source_at.u64()?, target_at.u64()?);
-        let a = *self.kinds.get(&source).ok_or_else(|| source_at.dangling(source))?;
-        let b = *self.kinds.get(&target).ok_or_else(|| target_at.dangling(target))?;
+        let a = *self
+            .kinds
+            .get(&source)
+            .ok_or_else(|| source_at.dangling(source))?;
+        let b = *self
+            .kinds
+            .get(&target)
+            .ok_or_else(|| target_at.dangling(target))?;
         if source == target || !self.edges.insert((source.min(target), source.max(target))) {
             return Err(at.duplicate());
         }
         // Children first: the larger layer is the parent.
-        let (child, parent) = if a.layer() <= b.layer() { (a, b) } else { (b, a) };
+        let (child, parent) = if a.layer() <= b.layer() {
+            (a, b)
+        } else {
+            (b, a)
+        };
         match (child, parent) {
             (Kind::Place(a), Kind::Place(b)) => {
                 let info = at.find("info");
-                let is_weighted = info.as_ref().and_then(|c| c.find("weighted")).map_or(Ok(false), |c| c.bool())?;
+                let is_weighted = info
+                    .as_ref()
+                    .and_then(|c| c.find("weighted"))
+                    .map_or(Ok(false), |c| c.bool())?;
                 let weight = info.as_ref().and_then(|c| c.find("weight"));
                 let least = self.places[&a].clearance_m.min(self.places[&b].clearance_m);
                 let clearance_m = match weight {
@@ -246,7 +308,8 @@ impl Import<'_> {
             }
             (Kind::Place(place), Kind::Room(room)) => {
                 // Several parents are allowed there; the first stays.
-                if let (Some(place), Some(room)) = (self.places.get_mut(&place), self.rooms.get_mut(&room))
+                if let (Some(place), Some(room)) =
+                    (self.places.get_mut(&place), self.rooms.get_mut(&room))
                     && place.room.is_none()
                 {
                     place.room = Some(room.id);
@@ -259,7 +322,8 @@ impl Import<'_> {
                     building.rooms.push(room);
                 }
             }
-            (Kind::Object(object), Kind::Group(group)) | (Kind::Group(group), Kind::Object(object)) => {
+            (Kind::Object(object), Kind::Group(group))
+            | (Kind::Group(group), Kind::Object(object)) => {
                 if let Some(group) = self.groups.get_mut(&group) {
                     group.members.push(object);
                 }
@@ -276,40 +340,73 @@ impl Import<'_> {
         let doors = self.doors();
         let mut rooms: Vec<Room> = std::mem::take(&mut self.rooms).into_values().collect();
         name_rooms(&mut rooms, &RoomConfig::default());
-        let mut ops: Vec<Op> = self.places.values().map(|place| Op::PutPlace(*place)).collect();
+        let mut ops: Vec<Op> = self
+            .places
+            .values()
+            .map(|place| Op::PutPlace(*place))
+            .collect();
         ops.extend(self.place_edges.iter().map(|edge| Op::PutPlaceEdge(*edge)));
-        ops.extend(rooms.iter().cloned().map(|room| Op::PutRoom(Box::new(room))));
+        ops.extend(
+            rooms
+                .iter()
+                .cloned()
+                .map(|room| Op::PutRoom(Box::new(room))),
+        );
         ops.extend(doors.into_iter().map(Op::PutRoomEdge));
         for mut building in std::mem::take(&mut self.buildings).into_values() {
-            let heights: Vec<f64> =
-                rooms.iter().filter(|room| building.rooms.contains(&room.id)).map(|room| room.center.z).collect();
+            let heights: Vec<f64> = rooms
+                .iter()
+                .filter(|room| building.rooms.contains(&room.id))
+                .map(|room| room.center.z)
+                .collect();
             if !heights.is_empty() {
                 let height_m = heights.iter().sum::<f64>() / heights.len() as f64;
-                building.storeys = vec![Storey { floor: 0, height_m, rooms: heights.len() as u32 }];
+                building.storeys = vec![Storey {
+                    floor: 0,
+                    height_m,
+                    rooms: heights.len() as u32,
+                }];
             }
             ops.push(Op::PutBuilding(Box::new(building)));
         }
         for mut object in std::mem::take(&mut self.objects).into_values() {
             if object.place.is_none() {
                 let distance = |place: &Place| (place.position - object.centroid).norm_squared();
-                let nearest = self.places.values().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                let nearest = self
+                    .places
+                    .values()
+                    .min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 object.place = nearest.map(|place| place.id);
             }
             object.room = object.place.and_then(|place| self.places[&place].room);
             ops.push(Op::PutObject(Box::new(object)));
         }
-        for group in std::mem::take(&mut self.groups).into_values().filter(|group| group.members.len() >= 2) {
+        for group in std::mem::take(&mut self.groups)
+            .into_values()
+            .filter(|group| group.members.len() >= 2)
+        {
             ops.push(Op::PutGroup(Box::new(group)));
         }
         for (robot, mut trajectory) in std::mem::take(&mut self.agents) {
             trajectory.sort_by_key(|pose| pose.stamp_ns);
             let letter = char::from_u32(robot).filter(char::is_ascii_alphabetic);
-            let name = letter.map_or_else(|| format!("robot {robot}"), |letter| format!("robot {letter}"));
-            ops.push(Op::PutAgent(Box::new(Agent { id: AgentId(u64::from(robot)), name, trajectory })));
+            let name = letter.map_or_else(
+                || format!("robot {robot}"),
+                |letter| format!("robot {letter}"),
+            );
+            ops.push(Op::PutAgent(Box::new(Agent {
+                id: AgentId(u64::from(robot)),
+                name,
+                trajectory,
+            })));
         }
-        graph.apply(Op::Batch(ops)).map_err(|error| root.refused(error))?;
+        graph
+            .apply(Op::Batch(ops))
+            .map_err(|error| root.refused(error))?;
         if self.skipped > 0 {
-            graph.metadata.insert("spark_skipped_nodes".into(), json!(self.skipped));
+            graph
+                .metadata
+                .insert("spark_skipped_nodes".into(), json!(self.skipped));
         }
         Ok(graph)
     }
@@ -319,12 +416,19 @@ impl Import<'_> {
         let mut doors: BTreeMap<(RoomId, RoomId), RoomEdge> = BTreeMap::new();
         for edge in &self.place_edges {
             let (from, to) = (&self.places[&edge.a], &self.places[&edge.b]);
-            let (Some(a), Some(b)) = (from.room, to.room) else { continue };
+            let (Some(a), Some(b)) = (from.room, to.room) else {
+                continue;
+            };
             if a == b {
                 continue;
             }
             let doorway = nalgebra::center(&from.position, &to.position);
-            let door = RoomEdge { a: a.min(b), b: a.max(b), doorway, width_m: 2.0 * edge.clearance_m };
+            let door = RoomEdge {
+                a: a.min(b),
+                b: a.max(b),
+                doorway,
+                width_m: 2.0 * edge.clearance_m,
+            };
             let widest = doors.entry((door.a, door.b)).or_insert(door);
             if door.width_m > widest.width_m {
                 *widest = door;
@@ -332,139 +436,19 @@ impl Import<'_> {
         }
         for &(a, b) in &self.room_pairs {
             let doorway = nalgebra::center(&self.rooms[&a].center, &self.rooms[&b].center);
-            doors.entry((a, b)).or_insert(RoomEdge { a, b, doorway, width_m: 0.0 });
+            doors.entry((a, b)).or_insert(RoomEdge {
+                a,
+                b,
+                doorway,
+                width_m: 0.0,
+            });
         }
         doors.into_values().collect()
     }
 }
 
 fn free(index: u64, is_taken: impl Fn(u64) -> bool) -> u64 {
-    (index..).find(|candidate| !is_taken(*candidate)).expect("2^56 nodes do not fit into a file")
-}
-
-fn position(at: &Cursor) -> Result<Point3<f64>, LoadError> {
-    at.find("position").map_or(Ok(Point3::origin()), |c| c.point())
-}
-
-fn place(id: PlaceId, at: &Cursor) -> Result<Place, LoadError> {
-    let is_frontier = at.find("active_frontier").map_or(Ok(false), |c| c.bool())?;
-    let cells = at.find("num_frontier_voxels").map_or(Ok(0), |c| c.u32())?;
-    Ok(Place {
-        id,
-        position: position(at)?,
-        clearance_m: at.find("distance").map_or(Ok(0.0), |c| c.f64())?.max(0.0),
-        basis_points: at.find("num_basis_points").map_or(Ok(0), |c| c.u32())?.min(255) as u8,
-        frontier_cells: if is_frontier { cells.max(1) } else { 0 },
-        room: None,
-    })
-}
-
-fn room(id: RoomId, at: &Cursor) -> Result<Room, LoadError> {
-    let mut room = Room::new(id, position(at)?);
-    let sides = bounds(at, &room.center)?.sides_m();
-    room.area_m2 = sides.x * sides.y;
-    room.metadata = at.find("metadata").and_then(|c| c.value.as_object().cloned()).unwrap_or_default();
-    if let Some(probabilities) = at.find("semantic_class_probabilities") {
-        let mut best: Option<(&str, f64)> = None;
-        for (kind, probability) in probabilities.map()? {
-            let probability = probability.as_f64().ok_or_else(|| probabilities.wrong("a map of numbers"))?;
-            if best.is_none_or(|(_, known)| probability > known) {
-                best = Some((kind, probability));
-            }
-        }
-        if let Some((kind, probability)) = best.filter(|(kind, _)| !kind.trim().is_empty()) {
-            room.kind = Some(kind.trim().to_lowercase());
-            room.kind_confidence = probability.clamp(0.0, 1.0);
-        }
-    }
-    let name = at.find("name").map_or(Ok(""), |c| c.str())?.trim();
-    if !name.is_empty() && !is_symbol(name) {
-        room.metadata.insert("name".into(), json!(name));
-        room.name = name.to_owned();
-        // Somebody named it.
-        room.is_user_named = true;
-    }
-    Ok(room)
-}
-
-fn building(id: BuildingId, at: &Cursor) -> Result<Building, LoadError> {
-    let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-    let name = if name.is_empty() || is_symbol(name) { "building" } else { name }.to_owned();
-    Ok(Building { id, name, center: position(at)?, rooms: Vec::new(), storeys: Vec::new() })
-}
-
-fn group(id: GroupId, at: &Cursor) -> Result<Group, LoadError> {
-    let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-    let name = if name.trim().is_empty() { format!("group {}", id.0) } else { name.to_owned() };
-    Ok(Group { id, name, support: None, members: Vec::new(), room: None, center: position(at)? })
-}
-
-/// The axis-aligned box around theirs. 1.0.0 stores corners, later versions side lengths.
-fn bounds(at: &Cursor, position: &Point3<f64>) -> Result<Aabb, LoadError> {
-    let Some(theirs) = at.find("bounding_box") else { return Ok(Aabb::at(*position)) };
-    let is_invalid = theirs.find("type").map_or(Ok(false), |c| c.str().map(|t| t == "INVALID"))?;
-    if is_invalid {
-        return Ok(Aabb::at(*position));
-    }
-    let sides: Vector3<f64> = match theirs.find("dimensions") {
-        Some(dimensions) => dimensions.point()?.coords,
-        None => theirs.get("max")?.point()? - theirs.get("min")?.point()?,
-    };
-    if sides.iter().any(|side| *side < 0.0) {
-        return Err(theirs.wrong("a box"));
-    }
-    let center = theirs.find("world_P_center").map_or(Ok(*position), |c| c.point())?;
-    let is_aligned = theirs.find("type").map_or(Ok(true), |c| c.str().map(|t| t == "AABB"))?;
-    let rotation = match theirs.find("world_R_center") {
-        Some(rotation) if !is_aligned => rotation.quaternion()?,
-        _ => UnitQuaternion::identity(),
-    };
-    let own = Aabb::from_center(Point3::origin(), sides);
-    Ok(own.transformed(&Isometry3::from_parts(center.coords.into(), rotation)))
-}
-
-/// `{"r", "g", "b", "a"}`, or a list up to 1.0.2.
-fn color(at: &Cursor) -> Result<[u8; 3], LoadError> {
-    if at.value.is_object() {
-        return Ok([at.get("r")?.u8()?, at.get("g")?.u8()?, at.get("b")?.u8()?]);
-    }
-    let channels: Vec<Cursor> = at.items()?.take(4).collect();
-    match channels.as_slice() {
-        [r, g, b, ..] => Ok([r.u8()?, g.u8()?, b.u8()?]),
-        _ => Err(at.wrong("a colour")),
-    }
-}
-
-/// Whether a name is only a node symbol: "O(12)".
-fn is_symbol(name: &str) -> bool {
-    let mut chars = name.trim().chars();
-    let letter = chars.next().is_some_and(|c| c.is_ascii_alphabetic());
-    let index = chars.as_str().strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
-    letter && index.is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit()))
-}
-
-/// "chair_0" is a chair.
-fn without_number(name: &str) -> &str {
-    let name = name.trim();
-    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
-    match stem.strip_suffix(['_', ' ', '-']) {
-        Some(stem) if stem.len() < name.len() && !stem.is_empty() => stem,
-        _ => name,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_become_labels() {
-        assert_eq!(without_number("chair_0"), "chair");
-        assert_eq!(without_number("office chair 12"), "office chair");
-        assert_eq!(without_number("chair"), "chair");
-        assert_eq!(without_number("12"), "12");
-        assert_eq!(without_number("box2"), "box2");
-        assert!(is_symbol("O(12)"));
-        assert!(!is_symbol("chair"));
-    }
+    (index..)
+        .find(|candidate| !is_taken(*candidate))
+        .expect("2^56 nodes do not fit into a file")
 }
