@@ -27,76 +27,71 @@ impl FastProjection {
         }
     }
 
-    /// (u, v, range); u in [0, W). The range is zero if the point is not in the image (or NaN, or the origin).
+    /// (u, v, range); u in [0, W). All zero if the point is not in the image (or NaN, or the origin).
+    ///
+    /// Selections instead of branches: where a point falls cannot be predicted, and the loop over points becomes a
+    /// vector loop.
+    #[inline]
     pub(crate) fn project(&self, point: &Point3<f32>) -> (f32, f32, f32) {
-        const OUTSIDE: (f32, f32, f32) = (0.0, 0.0, 0.0);
         let horizontal_sq = point.x * point.x + point.y * point.y;
         let range = (horizontal_sq + point.z * point.z).sqrt();
-        if !(range > 0.0 && range < f32::INFINITY) {
-            return OUTSIDE;
-        }
         // OmniVLN Eq. 2
-        let theta = if horizontal_sq == 0.0 {
-            0.0
-        } else {
-            atan2(point.y, point.x)
-        };
+        let theta = atan2(point.y, point.x);
         let phi = atan2(point.z, horizontal_sq.sqrt());
-        // OmniVLN Eq. 3
+        // OmniVLN Eq. 3; theta = -pi is the seam, pi by rounding falls a trifle before zero.
         let u = 0.5 * self.width - theta * self.columns_per_rad;
+        let u = if u >= self.width { u - self.width } else { u };
+        let u = if u > 0.0 { u } else { 0.0 };
         let v = (self.phi_top_rad - phi) * self.rows_per_rad;
-        if !(v >= 0.0 && v < self.height) {
-            return OUTSIDE;
-        }
-        let wrapped = if u < 0.0 {
-            u + self.width
-        } else if u >= self.width {
-            u - self.width
-        } else {
-            u
-        };
-        // Adding the width to a tiny negative number may round up to the width itself.
-        (if wrapped < self.width { wrapped } else { 0.0 }, v, range)
+        let is_inside = (v >= 0.0) & (v < self.height) & (range > 0.0) & (range < f32::INFINITY);
+        let keep = |number: f32| if is_inside { number } else { 0.0 };
+        (keep(u), keep(v), keep(range))
     }
 }
 
-/// atan2 by a minimax polynomial of atan on [0, 1] (Hastings' form with eight coefficients).
+/// atan2 by a polynomial of atan on [0, 1]; zero for (0, 0).
+#[inline]
 fn atan2(y: f32, x: f32) -> f32 {
-    let (short, long) = if y.abs() < x.abs() {
-        (y.abs(), x.abs())
+    let (across, along) = (y.abs(), x.abs());
+    let is_steep = across > along;
+    let (short, long) = if is_steep {
+        (along, across)
     } else {
-        (x.abs(), y.abs())
+        (across, along)
     };
-    if long == 0.0 {
-        return 0.0;
-    }
-    let ratio = short / long;
+    let ratio = short
+        / if long > f32::MIN_POSITIVE {
+            long
+        } else {
+            f32::MIN_POSITIVE
+        };
     let s = ratio * ratio;
     // Abramowitz and Stegun 4.4.49: |error| <= 2e-8.
-    let series = ((((((((0.002_866_225_7 * s - 0.016_165_737) * s + 0.042_909_613) * s
-        - 0.075_289_64)
-        * s
-        + 0.106_562_64)
-        * s
-        - 0.142_088_99)
-        * s
-        + 0.199_935_51)
-        * s
-        - 0.333_331_45)
-        * s)
-        * ratio
-        + ratio;
-    let quarter = if y.abs() < x.abs() {
-        series
+    let mut sum = 0.002_866_225_7;
+    for coefficient in [
+        -0.016_165_737,
+        0.042_909_613,
+        -0.075_289_64,
+        0.106_562_64,
+        -0.142_088_99,
+        0.199_935_51,
+        -0.333_331_45,
+        1.0,
+    ] {
+        sum = sum * s + coefficient;
+    }
+    let first = sum * ratio;
+    let quarter = if is_steep {
+        std::f32::consts::FRAC_PI_2 - first
     } else {
-        std::f32::consts::FRAC_PI_2 - series
+        first
     };
     let half = if x < 0.0 {
         std::f32::consts::PI - quarter
     } else {
         quarter
     };
-    if y < 0.0 { -half } else { half }
+    half.copysign(y)
 }
 
 #[cfg(test)]
@@ -135,5 +130,12 @@ mod tests {
         ];
         assert!(nothing.iter().all(|point| fast.project(point).2 == 0.0));
         assert_eq!(fast.project(&Point3::new(-1.0, -1e-12, 0.0)).0, 0.0);
+        assert_eq!(fast.project(&Point3::new(-1.0, 0.0, 0.0)).0, 0.0);
+        let whole = FastProjection::new(&Equirectangular {
+            phi_top_rad: std::f64::consts::FRAC_PI_2,
+            phi_bottom_rad: -std::f64::consts::FRAC_PI_2,
+            ..camera
+        });
+        assert_eq!(whole.project(&Point3::new(0.0, 0.0, 2.0)).0, 960.0);
     }
 }

@@ -14,8 +14,8 @@ use thiserror::Error;
 use crate::equirectangular::CameraError;
 use crate::mask_group::group_masks;
 use crate::mask_index::{Erosion, MaskIndex};
-use crate::near_mode::{NearMode, near_mode};
-use crate::range_buffer::{Projected, RangeBuffer, Tolerance, project_all};
+use crate::near_mode::{Apparent, NearMode, near_mode};
+use crate::range_buffer::{CellGrid, RangeBuffer, Tolerance};
 use crate::{Equirectangular, Mask};
 
 /// Parameters of [`transfer_labels`].
@@ -25,19 +25,21 @@ pub struct LabelConfig {
     pub erosion_px: u32,
     /// Thin masks are shrunk less, so that this share of their area is left. Default 0.15.
     pub min_kept_share: f64,
-    /// Edge of a cell of the range buffer. Default 4: the angular gap of the LiDAR.
+    /// Edge of a cell of the range buffer. Default 2: with its neighbours it spans the angular gap of a LiDAR.
     pub cell_px: u32,
     /// A nearer point hides only what is farther by this much. Default 0.05 m.
     pub hidden_step_m: f32,
     /// ... or by this share of the range, if more. Default 0.02.
     pub hidden_step_share: f32,
-    /// Tangent of the steepest angle under which a surface is still taken for one. Default 4 (76 degrees).
+    /// Tangent of the steepest angle under which a surface is still taken for one. Default 8 (83 degrees).
     pub max_slope: f32,
-    /// Points of a thing are at most this far apart. Default 0.10 m.
-    pub link_m: f32,
-    /// ... or this share of the range, if more (the gap between beams). Default 0.03.
+    /// Points of a thing are linked up to this share of its apparent size. Default 0.3.
     pub link_share: f32,
-    /// A cluster with this share of the largest one's points can be the thing. Default 0.25.
+    /// ... but not farther than this. Default 0.20 m.
+    pub max_link_m: f32,
+    /// ... and at least up to this many times their mean spacing. Default 3.
+    pub link_spacings: f32,
+    /// A cluster with this share of the largest one's points can be the thing. Default 0.35.
     pub near_share: f32,
     /// A thing is at most this many times as deep as it looks wide. Default 2.
     pub depth_ratio: f32,
@@ -52,13 +54,14 @@ impl Default for LabelConfig {
         LabelConfig {
             erosion_px: 2,
             min_kept_share: 0.15,
-            cell_px: 4,
+            cell_px: 2,
             hidden_step_m: 0.05,
             hidden_step_share: 0.02,
-            max_slope: 4.0,
-            link_m: 0.10,
-            link_share: 0.03,
-            near_share: 0.25,
+            max_slope: 8.0,
+            link_share: 0.3,
+            max_link_m: 0.20,
+            link_spacings: 3.0,
+            near_share: 0.35,
             depth_ratio: 2.0,
             min_depth_m: 0.15,
             same_thing_iou: 0.5,
@@ -104,8 +107,9 @@ impl LabelConfig {
                 f64::MAX,
             ),
             ("max_slope", self.max_slope.into(), 0.0, f64::MAX),
-            ("link_m", self.link_m.into(), 1e-3, f64::MAX),
-            ("link_share", self.link_share.into(), 0.0, 1.0),
+            ("link_share", self.link_share.into(), 0.0, f64::MAX),
+            ("max_link_m", self.max_link_m.into(), 0.0, f64::MAX),
+            ("link_spacings", self.link_spacings.into(), 0.0, f64::MAX),
             ("near_share", self.near_share.into(), 0.0, 1.0),
             ("depth_ratio", self.depth_ratio.into(), 0.0, f64::MAX),
             ("min_depth_m", self.min_depth_m.into(), 0.0, f64::MAX),
@@ -172,18 +176,23 @@ pub fn transfer_labels(
 ) -> Result<LabelTransfer, LabelError> {
     camera.validate()?;
     config.validate()?;
-    let mut report = LabelReport::default();
-    let projected = project_all(points_in_camera, camera);
-    let buffer = RangeBuffer::new(&projected, camera, config.cell_px);
     let erosion = Erosion {
         radius_px: config.erosion_px,
         min_kept_share: config.min_kept_share,
     };
-    let (index, skipped) = MaskIndex::new(masks, camera.width_px, camera.height_px, &erosion);
-    report.skipped_masks = skipped;
-    let thing_of_mask = group_masks(masks, camera.width_px, config.same_thing_iou);
+    let index = MaskIndex::new(masks, camera.width_px, camera.height_px, &erosion);
+    let mut grid = CellGrid::new(camera, config.cell_px);
+    index.spans().for_each(|span| grid.mark(&span));
+    let filled = RangeBuffer::fill(points_in_camera, camera, grid);
+    let mut report = LabelReport {
+        non_finite: filled.non_finite,
+        outside_image: filled.outside_image,
+        skipped_masks: index.skipped,
+        ..LabelReport::default()
+    };
 
     // The members of each thing, and the mask of each member.
+    let thing_of_mask = group_masks(masks, camera.width_px, config.same_thing_iou);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
     let mut mask_of_point: Vec<Option<u16>> = vec![None; points_in_camera.len()];
     let tolerance = Tolerance {
@@ -191,24 +200,22 @@ pub fn transfer_labels(
         step_share: config.hidden_step_share,
         slope: config.max_slope,
     };
-    for (point, at) in projected.iter().enumerate() {
-        match visible_mask(at, &index, &buffer, &tolerance) {
-            Seen::Mask(mask) => {
-                mask_of_point[point] = Some(mask);
-                members[usize::from(thing_of_mask[usize::from(mask)])].push(point as u32);
-            }
-            Seen::Outside if points_in_camera[point].iter().all(|x| x.is_finite()) => {
-                report.outside_image += 1
-            }
-            Seen::Outside => report.non_finite += 1,
-            Seen::Unmasked => report.unmasked += 1,
-            Seen::Hidden => report.hidden += 1,
+    for candidate in &filled.candidates {
+        let Some(mask) = index.mask_at(candidate.u as u32, candidate.v as u32) else {
+            continue;
+        };
+        if filled.buffer.is_visible(candidate, &tolerance) {
+            mask_of_point[candidate.point as usize] = Some(mask);
+            members[usize::from(thing_of_mask[usize::from(mask)])].push(candidate.point);
+        } else {
+            report.hidden += 1;
         }
     }
 
     let near = NearMode {
-        link_m: config.link_m,
         link_share: config.link_share,
+        max_link_m: config.max_link_m,
+        link_spacings: config.link_spacings,
         near_share: config.near_share,
         depth_ratio: config.depth_ratio,
         min_depth_m: config.min_depth_m,
@@ -218,14 +225,15 @@ pub fn transfer_labels(
         .enumerate()
         .filter(|(_, members)| !members.is_empty())
     {
-        // The edge of a square of the same area, half as much again for things that are not square.
-        let size_px = 1.5 * (masks[thing].rle.area() as f64).sqrt();
-        let kept = near_mode(
-            points_in_camera,
-            members,
-            (size_px * camera.row_angle_rad()) as f32,
-            &near,
+        let (area_px, px) = (
+            masks[thing].rle.area() as f32,
+            camera.row_angle_rad() as f32,
         );
+        let apparent = Apparent {
+            size_rad: 1.5 * px * area_px.sqrt(),
+            spacing_rad: px * (area_px / members.len() as f32).sqrt(),
+        };
+        let kept = near_mode(points_in_camera, members, &apparent, &near);
         let mut kept = kept.into_iter().peekable();
         for &member in members {
             if kept.next_if_eq(&member).is_some() {
@@ -236,6 +244,16 @@ pub fn transfer_labels(
             }
         }
     }
+    let LabelReport {
+        non_finite,
+        outside_image,
+        hidden,
+        behind,
+        labelled,
+        ..
+    } = report;
+    report.unmasked =
+        points_in_camera.len() - non_finite - outside_image - hidden - behind - labelled;
     Ok(LabelTransfer {
         mask_of_point,
         thing_of_mask,
@@ -254,30 +272,6 @@ pub fn label_points(
         |_| vec![None; points_in_camera.len()],
         |transfer| transfer.mask_of_point,
     )
-}
-
-enum Seen {
-    Mask(u16),
-    Outside,
-    Unmasked,
-    Hidden,
-}
-
-fn visible_mask(
-    at: &Projected,
-    index: &MaskIndex,
-    buffer: &RangeBuffer,
-    tolerance: &Tolerance,
-) -> Seen {
-    if at.range_m == 0.0 {
-        return Seen::Outside;
-    }
-    // The look-up comes first: most points are on no mask.
-    match index.mask_at(at.u as u32, at.v as u32) {
-        None => Seen::Unmasked,
-        Some(_) if !buffer.is_visible(at, tolerance) => Seen::Hidden,
-        Some(mask) => Seen::Mask(mask),
-    }
 }
 
 #[cfg(test)]
@@ -393,13 +387,16 @@ mod tests {
     #[test]
     fn unsound_input_is_refused() {
         let config = LabelConfig {
-            link_m: f32::NAN,
+            link_share: f32::NAN,
             ..LabelConfig::default()
         };
         let result = transfer_labels(&[], &Equirectangular::default(), &[], &config);
         assert!(matches!(
             result,
-            Err(LabelError::Config { name: "link_m", .. })
+            Err(LabelError::Config {
+                name: "link_share",
+                ..
+            })
         ));
         let camera = Equirectangular {
             width_px: 0,

@@ -12,6 +12,8 @@ pub(crate) struct MaskIndex {
     /// First entry of each column in `entries`, and one past the last.
     start: Vec<u32>,
     entries: Vec<Entry>,
+    /// Masks of another size, left out.
+    pub(crate) skipped: usize,
 }
 
 /// Rows `top..bottom` of a column show `mask`. Entries of a column do not overlap and go down.
@@ -23,21 +25,15 @@ struct Entry {
 }
 
 impl MaskIndex {
-    /// Indexes masks of the given size; others are left out (their number is the second value). Where masks overlap,
-    /// the smaller one is on top: a cup on a table, a cushion on a sofa.
-    pub(crate) fn new(
-        masks: &[Mask],
-        width: u32,
-        height: u32,
-        config: &Erosion,
-    ) -> (MaskIndex, usize) {
+    /// Indexes masks of the given size. Where masks overlap, the smaller one is on top: a cup on a table, a cushion
+    /// on a sofa.
+    pub(crate) fn new(masks: &[Mask], width: u32, height: u32, config: &Erosion) -> MaskIndex {
         let fits = |mask: &Mask| (mask.rle.width(), mask.rle.height()) == (width, height);
         let mut order: Vec<(u64, usize)> = (0..masks.len().min(usize::from(u16::MAX)))
             .filter(|&index| fits(&masks[index]))
             .map(|index| (masks[index].rle.area(), index))
             .collect();
         order.sort_unstable();
-        let skipped = masks.len() - order.len();
         let mut columns: Vec<Vec<Entry>> = vec![Vec::new(); width as usize];
         for &(_, index) in &order {
             for span in eroded(&masks[index].rle, config) {
@@ -52,7 +48,25 @@ impl MaskIndex {
             entries.append(column);
         }
         start.push(entries.len() as u32);
-        (MaskIndex { start, entries }, skipped)
+        MaskIndex {
+            start,
+            entries,
+            skipped: masks.len() - order.len(),
+        }
+    }
+
+    /// All rows that show a mask.
+    pub(crate) fn spans(&self) -> impl Iterator<Item = Span> + '_ {
+        let of_column = |column: usize| {
+            &self.entries[self.start[column] as usize..self.start[column + 1] as usize]
+        };
+        (0..self.start.len() - 1).flat_map(move |column| {
+            of_column(column).iter().map(move |entry| Span {
+                column: column as u32,
+                top: u32::from(entry.top),
+                bottom: u32::from(entry.bottom),
+            })
+        })
     }
 
     /// The mask on top at a pixel inside the image.
@@ -236,8 +250,8 @@ mod tests {
             mask(rectangle(2..6, 3..6)),
             odd,
         ];
-        let (index, skipped) = MaskIndex::new(&masks, 20, 10, &none);
-        assert_eq!(skipped, 1);
+        let index = MaskIndex::new(&masks, 20, 10, &none);
+        assert_eq!(index.skipped, 1);
         for column in 0..20 {
             for row in 0..10 {
                 let expected = if masks[1].rle.contains(column, row) {
