@@ -1,6 +1,9 @@
 //! How alike two labels are: the same word, another word for it, or a thing that a segmenter mistakes for it.
 
+use std::borrow::Cow;
+
 /// Words for the same thing.
+#[rustfmt::skip]
 const SYNONYMS: &[&[&str]] = &[
     &["mug", "cup", "coffee mug", "coffee cup", "teacup"],
     &["sofa", "couch", "settee"],
@@ -23,6 +26,7 @@ const SYNONYMS: &[&[&str]] = &[
 ];
 
 /// Things of similar shape and size that are easily confused.
+#[rustfmt::skip]
 const LOOK_ALIKES: &[&[&str]] = &[
     &["chair", "armchair", "stool", "bench", "office chair", "dining chair"],
     &["sofa", "armchair", "bench", "bed"],
@@ -43,28 +47,43 @@ const LOOK_ALIKES: &[&[&str]] = &[
 /// Likeness of two labels in `[0, 1]`: 1 the same word, 0.9 a synonym, 0.8 the same head noun ("office chair", "chair"),
 /// 0.6 look-alikes, else 0.
 pub fn label_similarity(a: &str, b: &str) -> f64 {
-    if a.eq_ignore_ascii_case(b) {
-        return 1.0;
-    }
-    let (a, b) = (a.trim().to_lowercase(), b.trim().to_lowercase());
+    let (a, b) = (&*plain(a), &*plain(b));
     if a == b {
         return 1.0;
     }
-    if SYNONYMS.iter().any(|words| words.contains(&&*a) && words.contains(&&*b)) {
+    // Most labels have no synonyms: one scan each, then comparisons of numbers.
+    let (same_as_a, same_as_b) = (synonyms_of(a), synonyms_of(b));
+    if same_as_a.is_some() && same_as_a == same_as_b {
         return 0.9;
     }
-    let head = |label: &str| label.rsplit(' ').next().unwrap_or_default().to_owned();
-    if head(&a) == head(&b) {
+    let head = |label: &str| label.rfind(' ').map_or(0, |space| space + 1);
+    if a[head(a)..] == b[head(b)..] {
         return 0.8;
     }
-    let family = |words: &&[&str]| is_in(words, &a) && is_in(words, &b);
-    if LOOK_ALIKES.iter().any(family) { 0.6 } else { 0.0 }
+    let has = |family: &[&str], label: &str, same: Option<usize>| {
+        family.contains(&label)
+            || same.is_some_and(|same| SYNONYMS[same].iter().any(|word| family.contains(word)))
+    };
+    let is_family = |family: &&[&str]| has(family, a, same_as_a) && has(family, b, same_as_b);
+    if LOOK_ALIKES.iter().any(is_family) {
+        0.6
+    } else {
+        0.0
+    }
 }
 
-/// Whether a label, or a synonym of it, is in the list.
-fn is_in(words: &[&str], label: &str) -> bool {
-    words.contains(&label)
-        || SYNONYMS.iter().any(|same| same.contains(&label) && same.iter().any(|word| words.contains(word)))
+/// Trimmed and in lower case; as it is where it is so already.
+fn plain(label: &str) -> Cow<'_, str> {
+    let label = label.trim();
+    if label.chars().any(char::is_uppercase) {
+        Cow::Owned(label.to_lowercase())
+    } else {
+        Cow::Borrowed(label)
+    }
+}
+
+fn synonyms_of(label: &str) -> Option<usize> {
+    SYNONYMS.iter().position(|words| words.contains(&label))
 }
 
 #[cfg(test)]

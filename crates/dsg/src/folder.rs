@@ -1,0 +1,185 @@
+//! A scene graph as a folder: graph.json, mesh.ply and ops.log, written so that a crash leaves the old or the new one.
+//!
+//! Each file is written under a temporary name in the same folder, synced and renamed; the folder is synced after. The mesh
+//! comes first and the previous one is kept as mesh.prev.ply until graph.json, which names the mesh by its SHA-256, has
+//! been replaced: graph.json is the commit point.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::file::{MeshReference, document, read_document};
+use crate::graph::SceneGraph;
+use crate::load::{LoadError, MAX_BYTES};
+use crate::oplog::{log_to_lines, read_log};
+
+/// The graph.
+pub const GRAPH_FILE: &str = "graph.json";
+/// The mesh of the graph on disk.
+pub const MESH_FILE: &str = "mesh.ply";
+/// The mesh of the graph before, while a save is under way.
+pub const PREVIOUS_MESH_FILE: &str = "mesh.prev.ply";
+/// The recent events.
+pub const LOG_FILE: &str = "ops.log";
+
+/// A mesh to save: opaque bytes with what graph.json says about them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeshPly<'a> {
+    /// The PLY file.
+    pub bytes: &'a [u8],
+    /// Number of vertices in it.
+    pub vertices: u64,
+    /// Number of faces in it.
+    pub faces: u64,
+}
+
+/// What a folder holds.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The graph, with the log of ops.log.
+    pub graph: SceneGraph,
+    /// The bytes of the mesh that graph.json names, checked.
+    pub mesh: Option<Vec<u8>>,
+}
+
+/// Saves a graph, and its mesh if there is one, in a folder (made if absent).
+///
+/// # Errors
+/// [`LoadError::Io`] with the file; the previous graph is then still there and whole.
+pub fn save(dir: &Path, graph: &SceneGraph, mesh: Option<&MeshPly>) -> Result<(), LoadError> {
+    fs::create_dir_all(dir).map_err(|source| io_error(dir, source))?;
+    let reference = match mesh {
+        Some(mesh) => {
+            let sha256 = hex(&Sha256::digest(mesh.bytes));
+            let path = dir.join(MESH_FILE);
+            if path.exists() {
+                rename(&path, &dir.join(PREVIOUS_MESH_FILE))?;
+            }
+            write_atomically(&path, mesh.bytes)?;
+            let (vertices, faces) = (mesh.vertices, mesh.faces);
+            Some(MeshReference {
+                file: MESH_FILE.to_owned(),
+                sha256,
+                vertices,
+                faces,
+            })
+        }
+        None => None,
+    };
+    // An old log beside a new graph would be refused; no log is always right.
+    remove_if_there(&dir.join(LOG_FILE))?;
+    write_atomically(&dir.join(GRAPH_FILE), &document(graph, reference.as_ref()))?;
+    write_atomically(&dir.join(LOG_FILE), &log_to_lines(graph))?;
+    remove_if_there(&dir.join(PREVIOUS_MESH_FILE))?;
+    if mesh.is_none() {
+        remove_if_there(&dir.join(MESH_FILE))?;
+    }
+    Ok(())
+}
+
+/// Loads a folder.
+///
+/// # Errors
+/// What [`crate::graph_from_json`] reports of graph.json, a damaged ops.log, a missing mesh or one with another checksum.
+pub fn load(dir: &Path) -> Result<Loaded, LoadError> {
+    let (mut graph, reference) = read_document(&read(&dir.join(GRAPH_FILE))?)?;
+    let log = dir.join(LOG_FILE);
+    if log.exists() {
+        read_log(&mut graph, &read(&log)?)?;
+    }
+    let mesh = reference
+        .map(|reference| load_mesh(dir, &reference))
+        .transpose()?;
+    Ok(Loaded { graph, mesh })
+}
+
+/// The mesh with the right checksum: under its name, or, after a crash in mid-save, under the previous one.
+fn load_mesh(dir: &Path, reference: &MeshReference) -> Result<Vec<u8>, LoadError> {
+    let path = dir.join(&reference.file);
+    let mut is_there = false;
+    for candidate in [path.clone(), dir.join(PREVIOUS_MESH_FILE)] {
+        if candidate.exists() {
+            is_there = true;
+            let bytes = read(&candidate)?;
+            if hex(&Sha256::digest(&bytes)) == reference.sha256.to_ascii_lowercase() {
+                return Ok(bytes);
+            }
+        }
+    }
+    Err(if is_there {
+        LoadError::MeshHash { path }
+    } else {
+        LoadError::MeshMissing { path }
+    })
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
+    let size = fs::metadata(path)
+        .map_err(|source| io_error(path, source))?
+        .len();
+    let bytes = usize::try_from(size).unwrap_or(usize::MAX);
+    if bytes > MAX_BYTES {
+        return Err(LoadError::TooLarge { bytes });
+    }
+    fs::read(path).map_err(|source| io_error(path, source))
+}
+
+/// Writes beside, syncs, renames, syncs the folder.
+fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), LoadError> {
+    let temporary = path.with_extension("tmp");
+    let write = || -> io::Result<()> {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()
+    };
+    if let Err(source) = write() {
+        // Best effort: the error that matters is the first.
+        let _ = fs::remove_file(&temporary);
+        return Err(io_error(&temporary, source));
+    }
+    rename(&temporary, path)
+}
+
+fn rename(from: &Path, to: &Path) -> Result<(), LoadError> {
+    fs::rename(from, to).map_err(|source| io_error(to, source))?;
+    sync_folder_of(to)
+}
+
+fn remove_if_there(path: &Path) -> Result<(), LoadError> {
+    match fs::remove_file(path) {
+        Ok(()) => sync_folder_of(path),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(source) => Err(io_error(path, source)),
+    }
+}
+
+fn sync_folder_of(path: &Path) -> Result<(), LoadError> {
+    let Some(dir) = path.parent() else {
+        return Ok(());
+    };
+    // Only Unix can open a folder to sync it.
+    #[cfg(unix)]
+    File::open(if dir.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        dir
+    })
+    .and_then(|folder| folder.sync_all())
+    .map_err(|source| io_error(dir, source))?;
+    #[cfg(not(unix))]
+    let _ = dir;
+    Ok(())
+}
+
+fn io_error(path: &Path, source: io::Error) -> LoadError {
+    LoadError::Io {
+        path: PathBuf::from(path),
+        source,
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

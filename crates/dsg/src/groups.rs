@@ -1,0 +1,408 @@
+//! Functional groups: objects of a room that are near each other and used together.
+//!
+//! Affinity of two objects: `exp(-gap / 0.8 m) (0.5 + 0.5 c)`, c in [0, 1] being how well their classes go together (1 also if
+//! one stands on the other). Pairs above 0.35 are joined, best first, while the group stays within 4 m across. A pair that
+//! is in one group already gets 0.1 more, so that groups do not flicker.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::Vector3;
+
+use crate::bounds::Aabb;
+use crate::co_occurrence::{Shares, rank, shares, together};
+use crate::graph::SceneGraph;
+use crate::group::Group;
+use crate::ids::{GroupId, ObjectId};
+use crate::object::Object;
+use crate::op::{ConfigError, Op, OpError};
+use crate::relation::{RelationKind, Verdict};
+
+/// What makes a group.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroupConfig {
+    /// Largest gap between the boxes of a joined pair. Default 1.5 m.
+    pub reach_m: f64,
+    /// Length over which affinity falls to 1/e. Default 0.8 m.
+    pub decay_m: f64,
+    /// Affinity above which a pair is joined. Default 0.35.
+    pub min_affinity: f64,
+    /// What a pair of one group gets on top. Default 0.1.
+    pub hysteresis: f64,
+    /// Largest horizontal extent of a group. Default 4.0 m.
+    pub max_extent_m: f64,
+}
+
+impl Default for GroupConfig {
+    fn default() -> GroupConfig {
+        GroupConfig {
+            reach_m: 1.5,
+            decay_m: 0.8,
+            min_affinity: 0.35,
+            hysteresis: 0.1,
+            max_extent_m: 4.0,
+        }
+    }
+}
+
+impl GroupConfig {
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        for (field, value) in [
+            ("reach_m", self.reach_m),
+            ("decay_m", self.decay_m),
+            ("min_affinity", self.min_affinity),
+            ("max_extent_m", self.max_extent_m),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ConfigError {
+                    field,
+                    rule: "positive and finite",
+                });
+            }
+        }
+        if !(self.hysteresis >= 0.0 && self.hysteresis.is_finite()) {
+            return Err(ConfigError {
+                field: "hysteresis",
+                rule: "finite and not negative",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Recomputes the groups of confirmed, unmoving objects, room by room. A group keeps its id while most of its members stay.
+/// One batch; no revision if nothing changed.
+///
+/// # Errors
+/// A bad configuration.
+pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64, OpError> {
+    config.validate()?;
+    let clusters = clusters(graph, config);
+    let ids = identify(graph, &clusters);
+    let mut ranks: BTreeMap<String, u32> = BTreeMap::new();
+    let mut rank_of = |label: &str| match ranks.get(label) {
+        Some(rank) => *rank,
+        None => *ranks.entry(label.to_owned()).or_insert_with(|| rank(label)),
+    };
+    let mut groups: Vec<Group> = clusters
+        .iter()
+        .zip(&ids)
+        .map(|(members, id)| describe(graph, members, *id, &mut rank_of))
+        .collect();
+    name_groups(graph, &mut groups);
+    let gone = graph
+        .groups()
+        .map(|group| group.id)
+        .filter(|id| !ids.contains(id));
+    let mut ops: Vec<Op> = gone.map(Op::RemoveGroup).collect();
+    // Members that change group leave first, so that no group is put with a member it loses again.
+    for group in &groups {
+        if graph
+            .group(group.id)
+            .is_some_and(|known| known.members != group.members)
+        {
+            ops.push(Op::RemoveGroup(group.id));
+        }
+    }
+    ops.extend(
+        groups
+            .into_iter()
+            .map(|group| Op::PutGroup(Box::new(group))),
+    );
+    Ok(graph.apply(Op::Batch(ops))?.revision)
+}
+
+fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>> {
+    let objects: Vec<&Object> = graph
+        .confirmed_objects()
+        .filter(|object| object.room.is_some() && !object.is_dynamic())
+        .collect();
+    // There are far fewer classes than objects, and far fewer objects than pairs.
+    let mut of_label: BTreeMap<&str, Shares> = BTreeMap::new();
+    for object in &objects {
+        of_label
+            .entry(&object.label)
+            .or_insert_with(|| shares(&object.label));
+    }
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    let mut order: Vec<usize> = (0..objects.len()).collect();
+    order.sort_by(|a, b| {
+        objects[*a]
+            .bounds
+            .min
+            .x
+            .total_cmp(&objects[*b].bounds.min.x)
+            .then(a.cmp(b))
+    });
+    for (at, &i) in order.iter().enumerate() {
+        let reach = objects[i].bounds.max.x + config.reach_m;
+        for &j in order[at + 1..]
+            .iter()
+            .take_while(|&&j| objects[j].bounds.min.x <= reach)
+        {
+            let co_occurrence =
+                || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
+            let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
+            if affinity > config.min_affinity {
+                pairs.push((affinity, i.min(j), i.max(j)));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+
+    let mut cluster_of: Vec<usize> = (0..objects.len()).collect();
+    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> = objects
+        .iter()
+        .map(|object| (object.bounds, BTreeSet::from([object.id])))
+        .collect();
+    for (_, i, j) in pairs {
+        let (a, b) = (
+            cluster_of[i].min(cluster_of[j]),
+            cluster_of[i].max(cluster_of[j]),
+        );
+        if a == b {
+            continue;
+        }
+        let joined = clusters[a].0.union(&clusters[b].0);
+        let sides = joined.sides_m();
+        if sides.x.hypot(sides.y) <= config.max_extent_m {
+            let members = std::mem::take(&mut clusters[b].1);
+            clusters[a].0 = joined;
+            clusters[a].1.extend(members);
+            cluster_of
+                .iter_mut()
+                .filter(|cluster| **cluster == b)
+                .for_each(|cluster| *cluster = a);
+        }
+    }
+    clusters
+        .into_iter()
+        .map(|(_, members)| members)
+        .filter(|members| members.len() >= 2)
+        .collect()
+}
+
+fn affinity(
+    graph: &SceneGraph,
+    a: &Object,
+    b: &Object,
+    co_occurrence: impl Fn() -> f64,
+    config: &GroupConfig,
+) -> f64 {
+    if a.room != b.room {
+        return 0.0;
+    }
+    let gap_m = a.bounds.gap_m(&b.bounds);
+    if gap_m > config.reach_m {
+        return 0.0;
+    }
+    let carries = |kind| {
+        let holds = |key| {
+            graph
+                .relations
+                .get(&key)
+                .is_some_and(|known| known.evidence.verdict == Verdict::Holds)
+        };
+        holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
+    };
+    let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
+    let together = if is_carried { 1.0 } else { co_occurrence() };
+    let stays = if a.group.is_some() && a.group == b.group {
+        config.hysteresis
+    } else {
+        0.0
+    };
+    (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
+}
+
+/// The old group with the largest Jaccard overlap above 0.3, otherwise a new id.
+fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId> {
+    let mut overlaps: Vec<(f64, GroupId, usize)> = Vec::new();
+    for group in graph.groups() {
+        for (at, members) in clusters.iter().enumerate() {
+            let common = group
+                .members
+                .iter()
+                .filter(|member| members.contains(member))
+                .count() as f64;
+            let jaccard = common / (group.members.len() as f64 + members.len() as f64 - common);
+            if jaccard > 0.3 {
+                overlaps.push((jaccard, group.id, at));
+            }
+        }
+    }
+    overlaps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut ids: Vec<Option<GroupId>> = vec![None; clusters.len()];
+    for (_, group, at) in overlaps {
+        if ids[at].is_none() && !ids.contains(&Some(group)) {
+            ids[at] = Some(group);
+        }
+    }
+    let mut next = graph.next_group_id();
+    let fresh = |id: Option<GroupId>| {
+        id.unwrap_or_else(|| {
+            next.0 += 1;
+            GroupId(next.0 - 1)
+        })
+    };
+    ids.into_iter().map(fresh).collect()
+}
+
+fn describe(
+    graph: &SceneGraph,
+    members: &BTreeSet<ObjectId>,
+    id: GroupId,
+    rank_of: &mut impl FnMut(&str) -> u32,
+) -> Group {
+    let objects: Vec<&Object> = members
+        .iter()
+        .filter_map(|member| graph.object(*member))
+        .collect();
+    // The support as it was wins among equals of rank: volumes breathe.
+    let known = graph.group(id).and_then(|group| group.support);
+    let mut key = |object: &&Object| {
+        (
+            rank_of(&object.label),
+            known == Some(object.id),
+            object.bounds.volume_m3(),
+        )
+    };
+    let keyed = objects.iter().copied().map(|object| (key(&object), object));
+    let best = keyed.max_by(
+        |((rank_a, known_a, volume_a), a), ((rank_b, known_b, volume_b), b)| {
+            (rank_a, known_a)
+                .cmp(&(rank_b, known_b))
+                .then(volume_a.total_cmp(volume_b))
+                .then(b.id.cmp(&a.id))
+        },
+    );
+    let support = best.map(|(_, object)| object);
+    let sum: Vector3<f64> = objects.iter().map(|object| object.centroid.coords).sum();
+    let center = sum / objects.len().max(1) as f64;
+    Group {
+        id,
+        name: support.map_or_else(String::new, |support| support.label.clone()) + " group",
+        support: support.map(|support| support.id),
+        members: members.iter().copied().collect(),
+        room: objects.first().and_then(|object| object.room),
+        // To the centimetre: boxes breathe, and that is no news.
+        center: center.map(|x| (x * 100.0).round() / 100.0).into(),
+    }
+}
+
+/// Makes names unique: the group that has a name keeps it, others are numbered.
+fn name_groups(graph: &SceneGraph, groups: &mut [Group]) {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    let mut by_id: BTreeMap<GroupId, usize> = groups
+        .iter()
+        .enumerate()
+        .map(|(at, group)| (group.id, at))
+        .collect();
+    by_id.retain(|id, at| {
+        let base = &groups[*at].name;
+        let old = graph.group(*id).map(|known| known.name.clone());
+        match old.filter(|old| crate::rooms::is_numbered(old, base) && taken.insert(old.clone())) {
+            Some(old) => {
+                groups[*at].name = old;
+                false
+            }
+            None => true,
+        }
+    });
+    for at in by_id.into_values() {
+        let base = groups[at].name.clone();
+        let mut name = base.clone();
+        let mut number = 1;
+        while !taken.insert(name.clone()) {
+            number += 1;
+            name = format!("{base} {number}");
+        }
+        groups[at].name = name;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::ids::RoomId;
+    use crate::room::Room;
+
+    fn scene(things: &[(&str, f64, f64)]) -> SceneGraph {
+        let mut graph = SceneGraph::new();
+        graph
+            .apply(Op::PutRoom(Box::new(Room::new(
+                RoomId(1),
+                Point3::origin(),
+            ))))
+            .unwrap();
+        for (at, (label, x, y)) in things.iter().enumerate() {
+            put(&mut graph, at as u64 + 1, label, *x, *y);
+        }
+        graph
+    }
+
+    fn put(graph: &mut SceneGraph, id: u64, label: &str, x: f64, y: f64) {
+        let bounds = Aabb::from_center(Point3::new(x, y, 0.4), Vector3::new(0.5, 0.5, 0.8));
+        let object = Object {
+            room: Some(RoomId(1)),
+            ..Object::new(ObjectId(id), label, bounds)
+        };
+        graph.apply(Op::PutObject(Box::new(object))).unwrap();
+    }
+
+    #[test]
+    fn chairs_join_their_table_and_a_far_shelf_does_not() {
+        let mut graph = scene(&[
+            ("chair", 0.7, 0.0),
+            ("dining table", 0.0, 0.0),
+            ("chair", -0.7, 0.0),
+            ("bookshelf", 3.0, 3.0),
+        ]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let groups: Vec<&Group> = graph.groups().collect();
+        assert_eq!(groups.len(), 1);
+        assert_eq!(groups[0].name, "dining table group");
+        assert_eq!(groups[0].members, [ObjectId(1), ObjectId(2), ObjectId(3)]);
+        assert_eq!(graph.object(ObjectId(4)).unwrap().group, None);
+        graph.check_invariants().unwrap();
+        let revision = graph.revision();
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        assert_eq!(graph.revision(), revision);
+    }
+
+    #[test]
+    fn a_member_that_moves_a_little_stays_and_the_id_survives() {
+        // Desk and chair, affinity 1: exp(-gap / 0.8) is 0.35 at a gap of 0.84 m, with hysteresis 0.25 at 1.11 m.
+        let config = GroupConfig::default();
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("office chair", 1.2, 0.0),
+            ("monitor", 0.0, 0.6),
+        ]);
+        update_groups(&mut graph, &config).unwrap();
+        let id = graph.groups().next().unwrap().id;
+        assert_eq!(graph.group(id).unwrap().members.len(), 3);
+        put(&mut graph, 2, "office chair", 1.4, 0.0);
+        update_groups(&mut graph, &config).unwrap();
+        assert_eq!(graph.group(id).unwrap().members.len(), 3, "hysteresis");
+        put(&mut graph, 2, "office chair", 3.4, 0.0);
+        update_groups(&mut graph, &config).unwrap();
+        assert_eq!(graph.group(id).unwrap().members, [ObjectId(1), ObjectId(3)]);
+        graph.check_invariants().unwrap();
+    }
+
+    #[test]
+    fn two_desks_have_two_names() {
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("monitor", 0.0, 0.6),
+            ("desk", 6.0, 0.0),
+            ("monitor", 6.0, 0.6),
+        ]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let names: Vec<&str> = graph.groups().map(|group| group.name.as_str()).collect();
+        assert_eq!(names, ["desk group", "desk group 2"]);
+    }
+}
