@@ -4,6 +4,7 @@
 //! peripheral objects, the places beyond the second, captions, and focal objects, each from far to near. So "how much must go" is one
 //! number, found by bisection with the real counter on the real text: O(log n) renderings.
 
+use crate::names::NameTable;
 use crate::prompt::PromptConfig;
 use crate::render::{Detail, render};
 use crate::tiers::{Item, Tiers};
@@ -14,18 +15,36 @@ const MAX_ROOMS: usize = 64;
 /// Objects listed one by one at most, per tier.
 const MAX_ITEMS: usize = 48;
 
-/// The richest detail within the budget.
-pub fn fit(tiers: &Tiers, instruction: &str, config: &PromptConfig, counter: &dyn TokenCounter) -> Detail {
+/// A prompt's text within its budget, with its tokens and names.
+pub fn fit(
+    tiers: &Tiers,
+    instruction: &str,
+    revision: u64,
+    config: &PromptConfig,
+    counter: &dyn TokenCounter,
+) -> (String, usize, NameTable) {
     let plan = Plan::new(tiers, instruction, config);
-    let fits = |detail: &Detail| counter.count(&render(tiers, instruction, detail, None)) <= config.budget_tokens;
-    let full = plan.after(0);
-    if fits(&full) {
+    let written = |detail: &Detail| {
+        let mut names = NameTable::new(revision);
+        let text = render(tiers, instruction, detail, Some(&mut names));
+        let tokens = counter.count(&text);
+        (text, tokens, names)
+    };
+    // The usual case: everything fits, and is written once.
+    let full = written(&plan.after(0));
+    if full.1 <= config.budget_tokens {
         return full;
     }
+    let fits = |detail: &Detail| counter.count(&render(tiers, instruction, detail, None)) <= config.budget_tokens;
+    written(&richest(&plan, instruction, &fits))
+}
+
+/// The richest detail that fits, given that the full one does not.
+fn richest(plan: &Plan, instruction: &str, fits: &dyn Fn(&Detail) -> bool) -> Detail {
     // The last step drops everything; if even that is too long, the instruction is cut.
     let (mut too_much, mut enough) = (0, plan.steps());
     if !fits(&plan.after(enough)) {
-        return cut_instruction(plan.after(enough), instruction, &fits);
+        return cut_instruction(plan.after(enough), instruction, fits);
     }
     while enough - too_much > 1 {
         let middle = (too_much + enough) / 2;

@@ -259,7 +259,12 @@ pub fn room_score(reference: &RoomReference, room: usize, scene: &Scene, viewer_
 }
 
 fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Vec<Match> {
-    let similarity: Vec<f64> = scene.classes.iter().map(|class| class_similarity(&goal.class, class)).collect();
+    let mut similarity: Vec<f64> = scene.classes.iter().map(|class| class_similarity(&goal.class, class)).collect();
+    if similarity.contains(&1.0) {
+        // Where things bear the very word that was said, those that bear another word for it are meant less.
+        const OTHER_WORD: f64 = 0.75;
+        similarity.iter_mut().filter(|value| **value == 0.95).for_each(|value| *value *= OTHER_WORD);
+    }
     let mut found: Vec<Match> = Vec::new();
     for (index, thing) in scene.things.iter().enumerate() {
         let class =

@@ -13,8 +13,6 @@ use crate::vocabulary::singular_phrase;
 pub const MAX_TEXT_BYTES: usize = 2_000;
 /// Most tokens that are read.
 const MAX_TOKENS: usize = 256;
-/// Longest phrase of the table in words.
-const MAX_PHRASE_WORDS: usize = 6;
 /// Longest class name in words.
 const MAX_CLASS_WORDS: usize = 4;
 
@@ -88,7 +86,8 @@ pub fn tokens(text: &str, is_class: &dyn Fn(&str) -> bool) -> Vec<Token> {
     let mut at = 0;
     while at < words.len() && out.len() < MAX_TOKENS {
         let phrase = |count: usize| words[at..at + count].join(" ");
-        let longest = (1..=MAX_PHRASE_WORDS.min(words.len() - at)).rev().find_map(|count| {
+        let most = PHRASE_WORDS.get(words[at].as_str()).copied().unwrap_or(0).max(MAX_CLASS_WORDS);
+        let longest = (1..=most.min(words.len() - at)).rev().find_map(|count| {
             let text = phrase(count);
             if (2..=MAX_CLASS_WORDS).contains(&count) && is_class(&singular_phrase(&text)) {
                 return Some((count, Some(Mark::Word), text));
@@ -925,6 +924,18 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
         for phrase in *phrases {
             map.insert(phrase, Some(*mark));
         }
+    }
+    map
+});
+
+/// Words of the longest phrase that begins with a word.
+static PHRASE_WORDS: LazyLock<HashMap<&'static str, usize>> = LazyLock::new(|| {
+    let mut map: HashMap<&'static str, usize> = HashMap::new();
+    for phrase in PHRASES.keys() {
+        let count = phrase.split(' ').count();
+        let first = phrase.split(' ').next().unwrap_or_default();
+        let longest = map.entry(first).or_default();
+        *longest = count.max(*longest);
     }
     map
 });

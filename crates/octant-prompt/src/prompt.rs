@@ -11,7 +11,6 @@ use crate::budget::fit;
 use crate::instruction::Instruction;
 use crate::names::NameTable;
 use crate::parser::parse_instruction;
-use crate::render::render;
 use crate::situation::Situation;
 use crate::tiers::{View, tiers};
 use crate::tokens::TokenCounter;
@@ -146,8 +145,7 @@ fn build(
 ) -> Prompt {
     let view = View { graph, world_from_body, frontiers, unseen, path_length, nouns: &instruction.nouns(), config };
     let tiers = tiers(&view); // Eq. 8-9 and the three tiers
-    let detail = fit(&tiers, &instruction.text, config, counter); // the budget
-    let mut names = NameTable::new(graph.revision());
-    let text = render(&tiers, &instruction.text, &detail, Some(&mut names));
-    Prompt { tokens: counter.count(&text), text, revision: graph.revision(), names }
+    let revision = graph.revision();
+    let (text, tokens, names) = fit(&tiers, &instruction.text, revision, config, counter); // the budget
+    Prompt { text, tokens, revision, names }
 }
