@@ -1,7 +1,8 @@
 //! Two rooms, a wall with a door of a metre, and a robot as long as a dog.
 //!
 //! The map says where the walls are; the visibility graph says how to go; the local policy drives, and looks only at
-//! the points of its last scan. We put a box in the way that the map does not know, and see that it is not touched.
+//! the points of its last scan. We put a box in the way that the map does not know: the policy will not touch it, and twice
+//! a second the map learns what was seen nearby and the route is made anew, so the robot goes round.
 //!
 //! Run: `cargo run -p planner --example 01_a_robot_passes_a_door`
 
@@ -27,7 +28,7 @@ fn main() {
     // 2. The route keeps the circumscribed radius (0.386 m) from every wall.
     let graph = VisibilityGraph::build(&grid, 0.386).expect("a good grid");
     let (start, goal) = (Point2::new(1.0, 0.8), Point2::new(5.0, 3.2));
-    let route = graph.route(&start, &goal).expect("the door is wide enough");
+    let mut route = graph.route(&start, &goal).expect("the door is wide enough");
     println!(
         "graph: {} vertices, {} edges",
         graph.vertex_count(),
@@ -64,6 +65,28 @@ fn main() {
     let mut least = f64::INFINITY;
     let mut arrived_s = None;
     for cycle in 0..3000 {
+        if cycle % 25 == 0 {
+            // What was seen within 2 m goes into the map, and the route is made anew.
+            for p in scan
+                .iter()
+                .map(|p| Point2::new(f64::from(p.x), f64::from(p.y)))
+            {
+                if (p - Point2::new(x, y)).norm() < 2.0 {
+                    blocked
+                        [(p.y / resolution_m) as usize * width + (p.x / resolution_m) as usize] =
+                        true;
+                }
+            }
+            let grid = GridView {
+                origin: Point2::origin(),
+                resolution_m,
+                width,
+                height,
+                blocked: &blocked,
+            };
+            let graph = VisibilityGraph::build(&grid, 0.386).expect("a good grid");
+            route = graph.route(&Point2::new(x, y), &goal).unwrap_or(route);
+        }
         let c = policy.command((x, y, yaw), velocity, &route.points, None, &scan);
         least = least.min(c.clearance_m);
         if cycle % 150 == 0 {

@@ -11,8 +11,10 @@ pub mod stop;
 pub mod trajectory;
 
 pub(crate) mod corridor;
+pub(crate) mod guide;
 pub(crate) mod obstacles;
 pub(crate) mod refine;
+pub(crate) mod route;
 
 use nalgebra::{Point3, Vector3};
 

@@ -15,9 +15,11 @@
 pub mod footprint;
 pub mod grid;
 pub mod local_policy;
+pub mod policy_config;
 pub mod route;
 pub mod visibility;
 
+mod arcs;
 mod clearance;
 mod lattice;
 mod motion;

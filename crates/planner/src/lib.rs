@@ -78,6 +78,7 @@ pub use air::{
 #[cfg(feature = "ground")]
 pub use ground::{
     grid::{GridView, GroundError},
-    local_policy::{LocalCommand, LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus},
+    local_policy::{LocalCommand, LocalPolicy, LocalStatus},
+    policy_config::{LocalPolicyConfig, LocalPolicyError},
     visibility::{Route, VisibilityGraph},
 };

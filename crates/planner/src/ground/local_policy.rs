@@ -8,123 +8,10 @@
 use nalgebra::{Point2, Vector2};
 
 use super::footprint::Footprint;
-use super::motion::{Ramp, Twist, advance, can_stop};
+use super::motion::{Ramp, Twist, can_stop};
 use super::obstacles::{ObstacleField, Pose};
 use super::path::Path;
-
-/// Limits and taste of a [`LocalPolicy`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct LocalPolicyConfig {
-    /// Forward speed limit (0.6).
-    pub max_speed_mps: f64,
-    /// Backward speed limit, used to recover and to reach a near goal (0.3).
-    pub max_reverse_speed_mps: f64,
-    /// Sideways speed limit; 0 for a base that cannot (0.2).
-    pub max_lateral_speed_mps: f64,
-    /// Turn rate limit (1.0).
-    pub max_yaw_rate_radps: f64,
-    /// Acceleration and braking limit in the plane (1.0).
-    pub max_accel_mps2: f64,
-    /// Turn acceleration limit (2.5).
-    pub max_yaw_accel_radps2: f64,
-    /// Distance of the point on the path that is steered at (0.6).
-    pub lookahead_m: f64,
-    /// Outline in the body frame; its convex hull is used (0.70 x 0.33 box).
-    pub footprint: Vec<Point2<f64>>,
-    /// Distance kept from obstacle points beyond the footprint (0.04).
-    pub margin_m: f64,
-    /// Period of the loop (0.02).
-    pub period_s: f64,
-    /// Arrived when the body origin is this near to the path's end (0.12).
-    pub goal_tolerance_m: f64,
-    /// ... and the final heading, if given, is met to this (0.10).
-    pub heading_tolerance_rad: f64,
-    /// Speed falls from full to a third as the clearance falls from this to the margin (0.30).
-    pub slow_clearance_m: f64,
-    /// Length of the roll-outs (1.2).
-    pub horizon_s: f64,
-    /// Blocked after this long without moving (2.0).
-    pub stuck_after_s: f64,
-}
-
-impl Default for LocalPolicyConfig {
-    fn default() -> Self {
-        LocalPolicyConfig {
-            max_speed_mps: 0.6,
-            max_reverse_speed_mps: 0.3,
-            max_lateral_speed_mps: 0.2,
-            max_yaw_rate_radps: 1.0,
-            max_accel_mps2: 1.0,
-            max_yaw_accel_radps2: 2.5,
-            lookahead_m: 0.6,
-            footprint: vec![
-                Point2::new(0.35, 0.165),
-                Point2::new(-0.35, 0.165),
-                Point2::new(-0.35, -0.165),
-                Point2::new(0.35, -0.165),
-            ],
-            margin_m: 0.04,
-            period_s: 0.02,
-            goal_tolerance_m: 0.12,
-            heading_tolerance_rad: 0.10,
-            slow_clearance_m: 0.30,
-            horizon_s: 1.2,
-            stuck_after_s: 2.0,
-        }
-    }
-}
-
-/// Why a [`LocalPolicyConfig`] was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum LocalPolicyError {
-    /// A limit, distance or time is not finite, negative, or zero where it may not be.
-    #[error(
-        "limits, distances and times must be finite and positive (lateral and reverse speed and margin may be 0)"
-    )]
-    BadLimit,
-    /// The footprint's points do not span an area or are not finite.
-    #[error("the footprint must have three points that span an area")]
-    BadFootprint,
-}
-
-impl LocalPolicyConfig {
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// [`LocalPolicyError`].
-    pub fn validate(&self) -> Result<(), LocalPolicyError> {
-        let positive = [
-            self.max_speed_mps,
-            self.max_yaw_rate_radps,
-            self.max_accel_mps2,
-            self.max_yaw_accel_radps2,
-            self.lookahead_m,
-            self.period_s,
-            self.goal_tolerance_m,
-            self.heading_tolerance_rad,
-            self.slow_clearance_m,
-            self.horizon_s,
-            self.stuck_after_s,
-        ];
-        let not_negative = [
-            self.max_reverse_speed_mps,
-            self.max_lateral_speed_mps,
-            self.margin_m,
-        ];
-        let good = positive.iter().all(|v| v.is_finite() && *v > 0.0)
-            && not_negative.iter().all(|v| v.is_finite() && *v >= 0.0);
-        // The roll-outs are bounded in number of steps.
-        if !good
-            || self.horizon_s > 10.0
-            || self.max_speed_mps / self.max_accel_mps2 > 1000.0 * self.period_s
-        {
-            return Err(LocalPolicyError::BadLimit);
-        }
-        Footprint::new(&self.footprint)
-            .map(|_| ())
-            .ok_or(LocalPolicyError::BadFootprint)
-    }
-}
+use super::policy_config::{LocalPolicyConfig, LocalPolicyError};
 
 /// What the policy is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -169,12 +56,12 @@ enum Mode {
 /// The policy with its memory: last command, mode, and how long it has not moved.
 #[derive(Debug, Clone)]
 pub struct LocalPolicy {
-    config: LocalPolicyConfig,
-    footprint: Footprint,
-    field: ObstacleField,
-    ramp: Ramp,
+    pub(super) config: LocalPolicyConfig,
+    pub(super) footprint: Footprint,
+    pub(super) field: ObstacleField,
+    pub(super) ramp: Ramp,
     mode: Mode,
-    last: Twist,
+    pub(super) last: Twist,
     anchor: Option<Pose>,
     idle_s: f64,
     blocked_count: u32,
@@ -450,7 +337,7 @@ impl LocalPolicy {
         // Prefer a way that stays free for a second; it is then kept by the same rule in the next cycle.
         let lasting = ordered
             .iter()
-            .find(|way| self.roll_out(pose, now, way, 1.0).hit_s.is_none())
+            .find(|way| self.roll_out(pose, now, way, 1.0, None).hit_s.is_none())
             .copied();
         let list: Vec<Twist> = lasting.into_iter().chain(ordered).collect();
         self.first_safe(pose, now, &list)
@@ -507,7 +394,7 @@ impl LocalPolicy {
         ];
         let lasting = ways
             .iter()
-            .find(|way| self.roll_out(pose, now, way, 0.6).hit_s.is_none())
+            .find(|way| self.roll_out(pose, now, way, 0.6, None).hit_s.is_none())
             .copied();
         let list: Vec<Twist> = lasting
             .into_iter()
@@ -568,135 +455,8 @@ impl LocalPolicy {
         self.first_safe(pose, now, &[way, Twist { w: -way.w, ..way }])
     }
 
-    /// The lattice of arcs round pure pursuit.
-    #[allow(clippy::too_many_arguments)]
-    fn follow(
-        &self,
-        pose: &Pose,
-        now: &Twist,
-        path: &Path,
-        s: f64,
-        error: f64,
-        remaining: f64,
-        clearance_m: f64,
-    ) -> Twist {
-        let c = &self.config;
-        let nearness = ((clearance_m - c.margin_m) / c.slow_clearance_m).clamp(0.3, 1.0);
-        let straightness = (1.0 - error.abs() / 1.3).max(0.15);
-        let wanted = (c.max_speed_mps * nearness * straightness)
-            .min((1.4 * c.max_accel_mps2 * remaining).sqrt())
-            .max(0.05);
-        let pursuit = 2.0 * error.sin() / c.lookahead_m;
-        let mut ways: Vec<(f64, Twist)> = Vec::with_capacity(64);
-        for share in [1.0, 0.6, 0.3] {
-            for offset in [0.0, 0.2, -0.2, 0.45, -0.45, 0.8, -0.8, 1.2, -1.2] {
-                let vx = wanted * share;
-                // At low speed pure pursuit hardly turns; follow the heading error as well.
-                let w = (pursuit * vx + 0.8 * error + offset * c.max_yaw_rate_radps)
-                    .clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps);
-                ways.push((0.0, Twist { vx, vy: 0.0, w }));
-            }
-        }
-        let vy = 0.7 * c.max_lateral_speed_mps;
-        if vy > 0.0 {
-            for share in [0.0, 0.4] {
-                for side in [vy, -vy] {
-                    let vx = wanted * share;
-                    ways.push((
-                        0.0,
-                        Twist {
-                            vx,
-                            vy: side,
-                            w: (pursuit * vx + 0.8 * error)
-                                .clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps),
-                        },
-                    ));
-                }
-            }
-        }
-        for w in [0.6, -0.6] {
-            ways.push((
-                0.0,
-                Twist {
-                    w: w * c.max_yaw_rate_radps,
-                    ..Twist::default()
-                },
-            ));
-        }
-        ways.push((0.0, Twist::default()));
-        for way in &mut ways {
-            way.0 = self.cost(pose, now, &way.1, path, s, wanted);
-        }
-        // Stable: ties keep the order of the lattice, pure pursuit first.
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let list: Vec<Twist> = ways.into_iter().map(|(_, twist)| twist).collect();
-        self.first_safe(pose, now, &list)
-    }
-
-    /// Lower is better; all terms are about 1 when bad.
-    fn cost(&self, pose: &Pose, now: &Twist, way: &Twist, path: &Path, s: f64, wanted: f64) -> f64 {
-        let c = &self.config;
-        let roll = self.roll_out(pose, now, way, c.horizon_s);
-        let end = Point2::new(roll.end.x, roll.end.y);
-        let (s_end, off_path) = path.project(&end);
-        let progress = (s_end - s) / (wanted * c.horizon_s);
-        let onward = path.toward(&end, s_end, c.lookahead_m);
-        let heading = if onward.norm() > 0.1 {
-            wrap(onward.y.atan2(onward.x) - roll.end.yaw).abs()
-        } else {
-            0.0
-        };
-        let near =
-            ((c.slow_clearance_m - roll.clearance_bound_m) / c.slow_clearance_m).clamp(0.0, 1.5);
-        let hit = roll
-            .hit_s
-            .map_or(0.0, |t| 2.0 + 2.0 * (1.0 - t / c.horizon_s));
-        let change =
-            (way.w - self.last.w).abs() / c.max_yaw_rate_radps + (way.vy - self.last.vy).abs();
-        1.5 * (1.0 - progress.clamp(-1.0, 1.0))
-            + 2.0 * off_path
-            + 0.4 * heading
-            + 1.2 * near * near
-            + hit
-            + 0.08 * change
-    }
-
-    /// Where `way` leads within `time_s`, up to the first contact.
-    fn roll_out(&self, pose: &Pose, now: &Twist, way: &Twist, time_s: f64) -> RollOut {
-        let steps = 12;
-        let dt_s = time_s / f64::from(steps);
-        let mut roll = RollOut {
-            end: *pose,
-            hit_s: None,
-            clearance_bound_m: f64::INFINITY,
-        };
-        let mut twist = *now;
-        for k in 0..steps {
-            let before = twist;
-            twist = self.ramp.toward(&twist, way, dt_s);
-            let mean = Twist {
-                vx: 0.5 * (before.vx + twist.vx),
-                vy: 0.5 * (before.vy + twist.vy),
-                w: 0.5 * (before.w + twist.w),
-            };
-            let next = advance(&roll.end, &mean, dt_s);
-            let bound = self.field.clearance_bound(&self.footprint, &next);
-            if bound <= self.config.margin_m
-                && !self
-                    .field
-                    .is_free(&self.footprint, &next, self.config.margin_m)
-            {
-                roll.hit_s = Some(f64::from(k) * dt_s);
-                return roll;
-            }
-            roll.clearance_bound_m = roll.clearance_bound_m.min(bound);
-            roll.end = next;
-        }
-        roll
-    }
-
     /// The first of the wanted velocities whose first step can be followed by a stop; else the brake itself.
-    fn first_safe(&self, pose: &Pose, now: &Twist, wanted: &[Twist]) -> Twist {
+    pub(super) fn first_safe(&self, pose: &Pose, now: &Twist, wanted: &[Twist]) -> Twist {
         let c = &self.config;
         for target in wanted {
             let first = self.ramp.toward(now, target, c.period_s);
@@ -731,16 +491,8 @@ impl LocalPolicy {
     }
 }
 
-/// The outcome of one arc.
-#[derive(Debug, Clone, Copy)]
-struct RollOut {
-    end: Pose,
-    hit_s: Option<f64>,
-    clearance_bound_m: f64,
-}
-
 /// An angle in (-pi, pi].
-fn wrap(angle: f64) -> f64 {
+pub(super) fn wrap(angle: f64) -> f64 {
     let turned = angle.rem_euclid(std::f64::consts::TAU);
     if turned > std::f64::consts::PI {
         turned - std::f64::consts::TAU

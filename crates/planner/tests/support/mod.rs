@@ -218,8 +218,7 @@ impl Voxels {
             .map(|o| if *o { 0.0 } else { far })
             .collect();
         let strides = [1, self.size[0], self.size[0] * self.size[1]];
-        for axis in 0..3 {
-            let (n, stride) = (self.size[axis], strides[axis]);
+        for (&n, &stride) in self.size.iter().zip(&strides) {
             for base in 0..d.len() {
                 if base / stride % n != 0 {
                     continue;
