@@ -9,7 +9,8 @@ use crate::air::corridor::polytope_around;
 use crate::air::obstacles::Surroundings;
 use crate::air::polytope::Polytope;
 use crate::air::refine::refine;
-use crate::air::search::{SearchGrid, SearchOutcome};
+use crate::air::route::{bounds_of, goal_height, lattice_route, shortcut};
+use crate::air::search::SearchGrid;
 use crate::air::trajectory::PolynomialTrajectory;
 
 /// A flight that was proved to stay in its corridor within its limits.
@@ -30,6 +31,9 @@ pub struct AirPlan {
     /// Lattice points the search expanded.
     pub expansions: usize,
 }
+
+/// Lists the obstacle points in a box, given its low and its high corner.
+pub type ObstaclesInBox<'a> = &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>;
 
 /// Why there is no plan.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -73,9 +77,6 @@ pub enum AirPlanError {
 
 /// Routes that an exact check refuses are searched again at most this often.
 const RETRIES: usize = 5;
-/// A start that is not free may move this far to a free lattice point.
-const START_PULL_M: f64 = 0.6;
-
 /// Plans a flight to rest at `goal`.
 ///
 /// `distance` is the distance from a point to the nearest obstacle *point* (cell centre), `None` where unknown, which counts as
@@ -88,7 +89,7 @@ pub fn plan_air(
     start: &FlightState,
     goal: &Point3<f64>,
     distance: &dyn Fn(&Point3<f64>) -> Option<f64>,
-    obstacles_in_box: &dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+    obstacles_in_box: ObstaclesInBox,
     config: &AirConfig,
 ) -> Result<AirPlan, AirPlanError> {
     check(start, goal, config)?;
@@ -99,29 +100,54 @@ pub fn plan_air(
     let mut expansions = 0;
     for _ in 0..=RETRIES {
         // 1. A* between free lattice points near start and goal.
-        let (lattice_route, end) = search(start, goal, &grid, config, &mut expansions)?;
+        let (mut points_of_route, end) =
+            match lattice_route(start, goal, &grid, config, &mut expansions) {
+                Err(
+                    AirPlanError::NoRoute | AirPlanError::GoalBlocked | AirPlanError::StartBlocked,
+                ) if grid.relax() => lattice_route(start, goal, &grid, config, &mut expansions)?,
+                other => other?,
+            };
         // 2. The exact points, and the route with its bends cut where that is not dearer.
-        let (low, high) = bounds_of(&lattice_route, &grid, config);
+        let (low, high) = bounds_of(&points_of_route, &grid, config);
         let beyond = Vector3::repeat(config.clearance_m() + config.obstacle_radius_m);
         let points = obstacles_in_box(&(low - beyond), &(high + beyond));
         let surroundings = Surroundings::new(&points, &start.p, &low, &high, &grid, config);
-        let route = match shortcut(&lattice_route, &surroundings, &grid, goal_height(goal, config), config) {
+        let inner = 1..points_of_route.len() - 1;
+        points_of_route[inner]
+            .iter_mut()
+            .for_each(|p| *p = surroundings.centred(p));
+        let route = match shortcut(
+            &points_of_route,
+            &surroundings,
+            &grid,
+            goal_height(goal, config),
+            config,
+        ) {
             Ok(route) => route,
-            Err(nodes) => {
-                drop(surroundings);
-                grid.forbid(nodes);
+            Err(place) => {
+                grid.forbid(&place);
                 continue;
             }
         };
         // 3. One polytope per leg.
         let corridor: Vec<Polytope> = route
             .windows(2)
-            .map(|leg| polytope_around(&leg[0], &leg[1], config.corridor_reach_m, &low, &high, &surroundings))
+            .map(|leg| {
+                polytope_around(
+                    &leg[0],
+                    &leg[1],
+                    config.corridor_reach_m,
+                    &low,
+                    &high,
+                    &surroundings,
+                )
+            })
             .collect();
         let kept_m = kept_clearance(start, &points, config);
         // 4. and 5. MINCO, checked and slowed until the certificate holds.
         let head = [start.p.coords, start.v, start.a];
-        let refined = refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
+        let refined =
+            refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
         return Ok(AirPlan {
             trajectory: refined.trajectory,
             corridor,
@@ -137,115 +163,33 @@ pub fn plan_air(
 
 fn check(start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<(), AirPlanError> {
     config.validate()?;
-    let numbers = start.p.iter().chain(start.v.iter()).chain(start.a.iter()).chain(goal.iter());
+    let numbers = start
+        .p
+        .iter()
+        .chain(start.v.iter())
+        .chain(start.a.iter())
+        .chain(goal.iter());
     // 1e6 m: beyond that a lattice index would not be exact.
-    if numbers.into_iter().any(|x| !(x.is_finite() && x.abs() < 1e6)) {
+    if numbers
+        .into_iter()
+        .any(|x| !(x.is_finite() && x.abs() < 1e6))
+    {
         return Err(AirPlanError::NotFinite);
     }
     let (speed_mps, accel_mps2) = (start.v.norm(), start.a.norm());
     if speed_mps > config.max_speed_mps || accel_mps2 > config.max_accel_mps2 {
-        return Err(AirPlanError::StartTooFast { speed_mps, accel_mps2 });
+        return Err(AirPlanError::StartTooFast {
+            speed_mps,
+            accel_mps2,
+        });
     }
     Ok(())
 }
 
-fn goal_height(goal: &Point3<f64>, config: &AirConfig) -> f64 {
-    config.preferred_height_m.unwrap_or(goal.z)
-}
-
-/// A lattice route with the exact start in front and, if it is free, the exact goal at the end.
-fn search(
-    start: &FlightState,
-    goal: &Point3<f64>,
-    grid: &SearchGrid,
-    config: &AirConfig,
-    expansions: &mut usize,
-) -> Result<(Vec<Vector3<f64>>, Point3<f64>), AirPlanError> {
-    let from = grid.nearest_free(&start.p, START_PULL_M).ok_or(AirPlanError::StartBlocked)?;
-    let own = grid.node(goal).filter(|&node| grid.is_free(node));
-    let to = match own {
-        Some(node) => node,
-        None => grid.nearest_free(goal, config.goal_pull_m).ok_or(AirPlanError::GoalBlocked)?,
-    };
-    match grid.search(from, to, goal_height(goal, config), config, expansions) {
-        SearchOutcome::NoRoute => Err(AirPlanError::NoRoute),
-        SearchOutcome::ExpansionLimit => Err(AirPlanError::SearchLimit { expansions: *expansions }),
-        SearchOutcome::Found(points) => {
-            let end = if own.is_some() { *goal } else { grid.position(to) };
-            let mut route = vec![start.p.coords];
-            route.extend(points.iter().map(|p| p.coords));
-            if own.is_some() {
-                route.push(end.coords);
-            }
-            Ok((route, end))
-        }
-    }
-}
-
-/// The box of the route grown by what its corridor can reach, inside what was searched.
-fn bounds_of(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> (Point3<f64>, Point3<f64>) {
-    let reach = Vector3::repeat(config.corridor_reach_m);
-    let low = route.iter().fold(route[0], |m, p| m.inf(p)) - reach;
-    let high = route.iter().fold(route[0], |m, p| m.sup(p)) + reach;
-    let (grid_low, grid_high) = grid.bounds();
-    (Point3::from(low.sup(&grid_low.coords)), Point3::from(high.inf(&grid_high.coords)))
-}
-
-/// Cuts bends: from each kept point to the furthest later one that is clear and not dearer than the way round.
-/// `Err`: lattice points of legs that the exact check refuses.
-fn shortcut(route: &[Vector3<f64>], surroundings: &Surroundings, grid: &SearchGrid, preferred_z: f64, config: &AirConfig) -> Result<Vec<Vector3<f64>>, Vec<usize>> {
-    let price = |p: &Vector3<f64>| grid.node(&Point3::from(*p)).map_or(1.0, |node| grid.price(node, preferred_z, config));
-    let cost = |a: &Vector3<f64>, b: &Vector3<f64>| {
-        let length = (b - a).norm();
-        let steps = (length / (2.0 * config.search_resolution_m)).ceil().max(1.0) as usize;
-        (0..steps).map(|k| price(&(a + (b - a) * ((k as f64 + 0.5) / steps as f64)))).sum::<f64>() * length / steps as f64
-    };
-    let mut along = vec![0.0];
-    for leg in route.windows(2) {
-        along.push(along[along.len() - 1] + cost(&leg[0], &leg[1]));
-    }
-    let mut kept = vec![route[0]];
-    let mut at = 0;
-    while at + 1 < route.len() {
-        let good = |to: usize| {
-            let way_round = along[to] - along[at];
-            cost(&route[at], &route[to]) <= 1.1 * way_round + 1e-9 && surroundings.is_clear(&route[at], &route[to])
-        };
-        // The furthest of a ladder of lengths, then refined by bisection.
-        let mut next = at;
-        let mut stride = 1;
-        while at + stride < route.len() && good(at + stride) {
-            next = at + stride;
-            stride *= 2;
-        }
-        if next == at {
-            // Not even the single step is clear (or it costs more than itself, which cannot be).
-            if !surroundings.is_clear(&route[at], &route[at + 1]) {
-                return Err([at, at + 1].iter().filter_map(|&k| grid.node(&Point3::from(route[k]))).skip(usize::from(at == 0)).collect());
-            }
-            next = at + 1;
-        }
-        let mut beyond = (at + stride).min(route.len());
-        while beyond - next > 1 {
-            let middle = next + (beyond - next) / 2;
-            if good(middle) {
-                next = middle;
-            } else {
-                beyond = middle;
-            }
-        }
-        if (route[next] - route[at]).norm() > 1e-9 {
-            kept.push(route[next]);
-        }
-        at = next;
-    }
-    if kept.len() == 1 {
-        kept.push(route[route.len() - 1]);
-    }
-    Ok(kept)
-}
-
 /// What the corridor keeps from obstacle surfaces: less than asked for only where the start itself is nearer.
 fn kept_clearance(start: &FlightState, points: &[Point3<f64>], config: &AirConfig) -> f64 {
-    points.iter().map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6).fold(config.clearance_m(), f64::min)
+    points
+        .iter()
+        .map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6)
+        .fold(config.clearance_m(), f64::min)
 }

@@ -11,8 +11,10 @@ pub mod stop;
 pub mod trajectory;
 
 pub(crate) mod corridor;
+pub(crate) mod guide;
 pub(crate) mod obstacles;
 pub(crate) mod refine;
+pub(crate) mod route;
 
 use nalgebra::{Point3, Vector3};
 
@@ -30,6 +32,10 @@ pub struct FlightState {
 impl FlightState {
     /// At rest at a point.
     pub fn resting_at(p: Point3<f64>) -> Self {
-        FlightState { p, v: Vector3::zeros(), a: Vector3::zeros() }
+        FlightState {
+            p,
+            v: Vector3::zeros(),
+            a: Vector3::zeros(),
+        }
     }
 }

@@ -1,11 +1,25 @@
-//! The ground planner: blocked cells -> obstacle polygons -> visibility graph -> route -> velocity command.
+//! The ground planner, in the order in which the data goes through it (a simplification of FAR Planner, Yang et al. 2022).
+//!
+//! ```text
+//! blocked cells --grid--> squares --outline--> border rings --Douglas-Peucker--> obstacle polygons
+//!     polygons --visibility--> vertices round convex corners, taut and visible edges
+//!     cells    --clearance, lattice--> exact distances, components: what can be reached at all
+//! start, goal  --route--> pulled into free space, Dijkstra, bends moved off the walls   (2 Hz)
+//! path, scan   --local_policy--> arcs, each with a checked stop -> velocity command     (50 Hz)
+//! ```
+//!
+//! One definition of "clear" is used throughout: the distance from the centre to every blocked *square* is at least the
+//! clearance. Vertices and edges are proposals; [`visibility`] measures each exactly, and where the graph has no way
+//! although the lattice has one (a gap that only the circle itself fits through), [`route`] takes the lattice's.
 
 pub mod footprint;
 pub mod grid;
 pub mod local_policy;
+pub mod policy_config;
 pub mod route;
 pub mod visibility;
 
+mod arcs;
 mod clearance;
 mod lattice;
 mod motion;

@@ -1,4 +1,59 @@
-//! planner
+//! From a goal, the free space and the limits of a vehicle to something it can follow: a certified trajectory in the air, a route
+//! and velocity commands on the ground.
+//!
+//! ```text
+//! air     min over c, T of  sum_i integral |p_i^(3)(t)|^2 dt          MINCO: quintic pieces through the overlaps of a corridor
+//!         such that p_i(t) in P_k(i),  |p'| <= v_max,  |p''| <= a_max  for ALL t: proved, or no answer
+//! ground  min length of a polyline with  dist(edge, blocked square) >= r  for every edge and every square
+//!         then (vx, vy, w) every 20 ms such that braking from it touches no point of the last scan
+//! ```
+//!
+//! | symbol | here | unit |
+//! |---|---|---|
+//! | `p_i, T_i` | [`Piece::coefficients`], [`Piece::duration_s`] | m, s |
+//! | `P_k` | [`Polytope`] in [`AirPlan::corridor`] | m |
+//! | `s` | `ORDER` of [`Minco`] | |
+//! | `r` | `clearance_m` of [`VisibilityGraph::build`] | m |
+//!
+//! # Example
+#![cfg_attr(feature = "ground", doc = "```")]
+#![cfg_attr(not(feature = "ground"), doc = "```ignore")]
+//! use nalgebra::Point2;
+//! use planner::{GridView, VisibilityGraph};
+//!
+//! // 4 x 3 m at 10 cm; a wall at x = 2 that leaves a gap of 1 m at the top.
+//! let blocked: Vec<bool> = (0..30 * 40).map(|k| k % 40 == 20 && k / 40 < 20).collect();
+//! let grid = GridView { origin: Point2::origin(), resolution_m: 0.1, width: 40, height: 30, blocked: &blocked };
+//! let graph = VisibilityGraph::build(&grid, 0.35)?;
+//! let route = graph.route(&Point2::new(0.6, 0.6), &Point2::new(3.4, 0.6)).expect("through the gap");
+//! assert!(route.length_m > 4.0 && route.length_m < 5.5);
+//! # Ok::<(), planner::GroundError>(())
+//! ```
+//!
+//! # How it works
+//! - Air ([`plan_air`]): A* on 10 cm with unknown blocked ([`air::search`]), bends cut, one polytope per leg, [`Minco`] through the
+//!   overlaps (`MINCO Theorem 2`), Bernstein bounds ([`certify`]); too fast: slow down; outside: a point into the middle of the leg;
+//!   in the limit stop-and-go on straight legs. [`GeometricController`] and [`RotorMixer`] follow it; [`stop_trajectory`] ends it.
+//! - Ground ([`VisibilityGraph`], [`LocalPolicy`]): see [`ground`].
+//!
+//! # Conventions
+//! World: z up; body: x forward, y left. SI units. `None` is "no way", `Err` is "bad input". NaN is refused at the door (points of a
+//! scan that are not finite are skipped). No clock, no randomness, no hash iteration: the same input gives the same bytes. Bounds on
+//! work are counts. Clearance is measured to the squares of blocked cells and to balls round obstacle points.
+//!
+//! # What it does not do
+//! It knows no scene graph, no rooms, no sensor. No moving obstacles (a scan is taken as it is), no dynamics of legs, no optimality in
+//! time: durations are shortened by a bounded search, not to a proved optimum.
+//!
+//! # Features
+//! `air`, `ground`: both on by default, neither needs the other.
+//!
+//! # References
+//! - Z. Wang, X. Zhou, C. Xu, F. Gao, *Geometrically Constrained Trajectory Optimization for Multicopters*, T-RO 2022 (MINCO).
+//! - T. Lee, M. Leok, N. H. McClamroch, *Geometric Tracking Control of a Quadrotor UAV on SE(3)*, CDC 2010.
+//! - F. Yang, C. Cao, H. Zhu, J. Oh, J. Zhang, *FAR Planner: Fast, Attemptable Route Planner using Dynamic Visibility Update*, IROS 2022.
+//! - A. Meijster, J. Roerdink, W. Hesselink, *A General Algorithm for Computing Distance Transforms in Linear Time*, 2000.
+
 #[cfg(feature = "air")]
 pub mod aerial;
 #[cfg(feature = "air")]
@@ -23,6 +78,7 @@ pub use air::{
 #[cfg(feature = "ground")]
 pub use ground::{
     grid::{GridView, GroundError},
-    local_policy::{LocalCommand, LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus},
+    local_policy::{LocalCommand, LocalPolicy, LocalStatus},
+    policy_config::{LocalPolicyConfig, LocalPolicyError},
     visibility::{Route, VisibilityGraph},
 };

@@ -15,34 +15,67 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
         let polytope = &plan.corridor[plan.polytope_of[k]];
         for j in 0..=40 {
             let s = piece.sample(piece.duration_s * f64::from(j) / 40.0);
-            assert!(polytope.slack(&s.p.coords) >= -1e-8, "piece {k} leaves by {}", polytope.slack(&s.p.coords));
-            assert!(s.v.norm() <= config.max_speed_mps + 1e-8 && s.a.norm() <= config.max_accel_mps2 + 1e-8);
-            assert!(s.v.norm() <= plan.certificate.max_speed_mps + 1e-8 && s.a.norm() <= plan.certificate.max_accel_mps2 + 1e-8);
+            assert!(
+                polytope.slack(&s.p.coords) >= -1e-8,
+                "piece {k} leaves by {}",
+                polytope.slack(&s.p.coords)
+            );
+            assert!(
+                s.v.norm() <= config.max_speed_mps + 1e-8
+                    && s.a.norm() <= config.max_accel_mps2 + 1e-8
+            );
+            assert!(
+                s.v.norm() <= plan.certificate.max_speed_mps + 1e-8
+                    && s.a.norm() <= plan.certificate.max_accel_mps2 + 1e-8
+            );
             let near = config.clearance_m() + config.obstacle_radius_m + 0.2;
             let reach = Vector3::repeat(near);
             for o in voxels.obstacles(&(s.p - reach), &(s.p + reach)) {
                 let kept = (o - s.p).norm() - config.obstacle_radius_m;
-                assert!(kept >= plan.certificate.clearance_m - 1e-6, "{kept} m at {t0} s");
+                assert!(
+                    kept >= plan.certificate.clearance_m - 1e-6,
+                    "{kept} m at {t0} s"
+                );
             }
             assert!(voxels.distance(&s.p).is_some(), "in unknown space");
         }
         t0 += piece.duration_s;
     }
     let first = plan.trajectory.sample(0.0);
-    assert!((first.p - start.p).norm() < 1e-9 && (first.v - start.v).norm() < 1e-9 && (first.a - start.a).norm() < 1e-9);
+    assert!(
+        (first.p - start.p).norm() < 1e-9
+            && (first.v - start.v).norm() < 1e-9
+            && (first.a - start.a).norm() < 1e-9
+    );
     let end = plan.trajectory.sample(plan.trajectory.duration() - 1e-12);
     assert!(end.v.norm() < 1e-6 && end.a.norm() < 1e-6);
     for pair in plan.trajectory.pieces.windows(2) {
         let (a, b) = (pair[0].sample(pair[0].duration_s), pair[1].sample(0.0));
-        assert!((a.p - b.p).norm() < 1e-7 && (a.v - b.v).norm() < 1e-7 && (a.a - b.a).norm() < 1e-6);
+        assert!(
+            (a.p - b.p).norm() < 1e-7 && (a.v - b.v).norm() < 1e-7 && (a.a - b.a).norm() < 1e-6
+        );
     }
     for pair in plan.corridor.windows(2).zip(&plan.route[1..]) {
-        assert!(pair.0[0].slack(&pair.1.coords) >= -1e-9 && pair.0[1].slack(&pair.1.coords) >= -1e-9, "polytopes overlap");
+        assert!(
+            pair.0[0].slack(&pair.1.coords) >= -1e-9 && pair.0[1].slack(&pair.1.coords) >= -1e-9,
+            "polytopes overlap"
+        );
     }
 }
 
-fn plan(voxels: &Voxels, start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<AirPlan, AirPlanError> {
-    plan_air(start, goal, &|p| voxels.distance(p), &|a, b| voxels.obstacles(a, b), config)
+fn plan(
+    voxels: &Voxels,
+    start: &FlightState,
+    goal: &Point3<f64>,
+    config: &AirConfig,
+) -> Result<AirPlan, AirPlanError> {
+    plan_air(
+        start,
+        goal,
+        &|p| voxels.distance(p),
+        &|a, b| voxels.obstacles(a, b),
+        config,
+    )
 }
 
 #[test]
@@ -57,14 +90,62 @@ fn flats_are_crossed_with_a_certificate() {
                 check_plan(&voxels, &plan, &config, &start);
                 let straight = (plan.route[plan.route.len() - 1] - start.p).norm();
                 let length: f64 = plan.route.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
-                println!("seed {seed}: route {length:.1} m, {:.1} s, {} pieces", plan.trajectory.duration(), plan.trajectory.pieces.len());
-                assert!(length >= straight - 1e-9 && plan.trajectory.duration() < 5.0 + length / 0.5, "{} s for {length} m", plan.trajectory.duration());
+                println!(
+                    "seed {seed}: route {length:.1} m, {:.1} s, {} pieces",
+                    plan.trajectory.duration(),
+                    plan.trajectory.pieces.len()
+                );
+                assert!(
+                    length >= straight - 1e-9 && plan.trajectory.duration() < 5.0 + length / 0.5,
+                    "{} s for {length} m",
+                    plan.trajectory.duration()
+                );
                 flown += 1;
             }
             Err(e) => assert_eq!(e, AirPlanError::NoRoute),
         }
     }
     assert!(flown >= 3);
+}
+
+/// Two rooms and a wall with a door, at every offset of the door against the voxels: 1.0 m leaves 8 or 9 free voxels.
+#[test]
+fn a_door_of_a_metre_is_passed_at_any_offset() {
+    let config = AirConfig {
+        radius_m: 0.36,
+        margin_m: 0.02,
+        ..AirConfig::default()
+    };
+    for free in [8.0, 9.0, 10.0] {
+        for offset in 0..3 {
+            let y = 1.5 + 0.1 * f64::from(offset);
+            let mut voxels = Voxels::new(
+                [5.0, 4.0, 2.7],
+                &[
+                    [0.0, 0.0, 0.0, 5.0, 4.0, 0.1],
+                    [0.0, 0.0, 2.6, 5.0, 4.0, 2.7],
+                    [2.5, 0.0, 0.0, 2.6, 4.0, 2.7],
+                    [0.0, 0.0, 0.0, 5.0, 0.1, 2.7],
+                    [0.0, 3.9, 0.0, 5.0, 4.0, 2.7],
+                    [0.0, 0.0, 0.0, 0.1, 4.0, 2.7],
+                    [4.9, 0.0, 0.0, 5.0, 4.0, 2.7],
+                ],
+            );
+            voxels.carve(&[2.4, y, 0.1, 2.7, y + 0.1 * free, 2.15]);
+            voxels.measure();
+            let start = FlightState::resting_at(Point3::new(1.0, 2.7, 1.2));
+            let plan = plan(&voxels, &start, &Point3::new(4.2, 1.0, 1.2), &config);
+            let Ok(plan) = plan else {
+                panic!("{free} voxels at {y}: {:?}", plan.err())
+            };
+            check_plan(&voxels, &plan, &config, &start);
+            println!(
+                "{free} voxels at {y:.1}: {:.1} s, {} pieces",
+                plan.trajectory.duration(),
+                plan.trajectory.pieces.len()
+            );
+        }
+    }
 }
 
 proptest! {
@@ -169,17 +250,47 @@ fn refusals_are_typed() {
     let config = AirConfig::default();
     let start = FlightState::resting_at(Point3::new(1.5, 1.5, 1.3));
     let goal = Point3::new(2.5, 2.0, 1.3);
-    assert_eq!(plan(&voxels, &start, &Point3::new(f64::NAN, 0.0, 0.0), &config).err(), Some(AirPlanError::NotFinite));
-    assert_eq!(plan(&voxels, &start, &Point3::new(8e5, 0.0, 0.0), &config).err(), Some(AirPlanError::TooFar));
-    let fast = FlightState { v: Vector3::new(9.0, 0.0, 0.0), ..start };
-    assert!(matches!(plan(&voxels, &fast, &goal, &config), Err(AirPlanError::StartTooFast { .. })));
+    assert_eq!(
+        plan(&voxels, &start, &Point3::new(f64::NAN, 0.0, 0.0), &config).err(),
+        Some(AirPlanError::NotFinite)
+    );
+    assert_eq!(
+        plan(&voxels, &start, &Point3::new(8e5, 0.0, 0.0), &config).err(),
+        Some(AirPlanError::TooFar)
+    );
+    let fast = FlightState {
+        v: Vector3::new(9.0, 0.0, 0.0),
+        ..start
+    };
+    assert!(matches!(
+        plan(&voxels, &fast, &goal, &config),
+        Err(AirPlanError::StartTooFast { .. })
+    ));
     let outside = FlightState::resting_at(Point3::new(1.5, 1.5, 5.0));
-    assert_eq!(plan(&voxels, &outside, &goal, &config).err(), Some(AirPlanError::StartBlocked));
-    assert_eq!(plan(&voxels, &start, &Point3::new(1.5, 1.5, 9.0), &config).err(), Some(AirPlanError::GoalBlocked));
-    let bad = AirConfig { radius_m: 0.0, ..config.clone() };
-    assert!(matches!(plan(&voxels, &start, &goal, &bad), Err(AirPlanError::Config(_))));
-    let little = AirConfig { max_expansions: 3, ..config.clone() };
-    assert!(matches!(plan(&voxels, &start, &Point3::new(15.3, 8.4, 1.4), &little), Err(AirPlanError::SearchLimit { .. })));
+    assert_eq!(
+        plan(&voxels, &outside, &goal, &config).err(),
+        Some(AirPlanError::StartBlocked)
+    );
+    assert_eq!(
+        plan(&voxels, &start, &Point3::new(1.5, 1.5, 9.0), &config).err(),
+        Some(AirPlanError::GoalBlocked)
+    );
+    let bad = AirConfig {
+        radius_m: 0.0,
+        ..config.clone()
+    };
+    assert!(matches!(
+        plan(&voxels, &start, &goal, &bad),
+        Err(AirPlanError::Config(_))
+    ));
+    let little = AirConfig {
+        max_expansions: 3,
+        ..config.clone()
+    };
+    assert!(matches!(
+        plan(&voxels, &start, &Point3::new(15.3, 8.4, 1.4), &little),
+        Err(AirPlanError::SearchLimit { .. })
+    ));
     // A start nearer to the floor than allowed takes off and never comes nearer.
     let low = FlightState::resting_at(Point3::new(2.5, 2.0, 0.45));
     if let Ok(plan) = plan(&voxels, &low, &goal, &config) {
@@ -190,26 +301,71 @@ fn refusals_are_typed() {
 
 #[test]
 fn minco_equals_the_stored_vectors() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/aerial/minco_vectors.json");
-    let path = [path.to_string(), path.replacen("/../../../../", "/../../../", 1)].into_iter().find(|p| std::path::Path::new(p).exists());
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../../shared/data/aerial/minco_vectors.json"
+    );
+    let path = [
+        path.to_string(),
+        path.replacen("/../../../../", "/../../../", 1),
+    ]
+    .into_iter()
+    .find(|p| std::path::Path::new(p).exists());
     let Some(path) = path else {
         eprintln!("skipped: no shared/data");
         return;
     };
-    let cases: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let cases: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let rows = |v: &serde_json::Value| -> Vec<Vector3<f64>> {
-        v.as_array().unwrap().iter().map(|r| Vector3::new(r[0].as_f64().unwrap(), r[1].as_f64().unwrap(), r[2].as_f64().unwrap())).collect()
+        v.as_array()
+            .unwrap()
+            .iter()
+            .map(|r| {
+                Vector3::new(
+                    r[0].as_f64().unwrap(),
+                    r[1].as_f64().unwrap(),
+                    r[2].as_f64().unwrap(),
+                )
+            })
+            .collect()
     };
-    let numbers = |v: &serde_json::Value| -> Vec<f64> { v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
-    fn check<const S: usize>(head: &[Vector3<f64>], tail: &[Vector3<f64>], inner: &[Vector3<f64>], times: &[f64]) -> (f64, Vec<Vector3<f64>>, MincoGradient) {
-        let spline = Minco::<S>::solve(head.try_into().unwrap(), tail.try_into().unwrap(), inner, times).unwrap();
-        (spline.energy(), spline.coefficients().to_vec(), spline.energy_gradient())
+    let numbers = |v: &serde_json::Value| -> Vec<f64> {
+        v.as_array()
+            .unwrap()
+            .iter()
+            .map(|x| x.as_f64().unwrap())
+            .collect()
+    };
+    fn check<const S: usize>(
+        head: &[Vector3<f64>],
+        tail: &[Vector3<f64>],
+        inner: &[Vector3<f64>],
+        times: &[f64],
+    ) -> (f64, Vec<Vector3<f64>>, MincoGradient) {
+        let spline = Minco::<S>::solve(
+            head.try_into().unwrap(),
+            tail.try_into().unwrap(),
+            inner,
+            times,
+        )
+        .unwrap();
+        (
+            spline.energy(),
+            spline.coefficients().to_vec(),
+            spline.energy_gradient(),
+        )
     }
     const RELATIVE_TOL: f64 = 1e-9;
     let mut worst = 0.0f64;
     let mut seen = 0;
     for case in cases.as_array().unwrap() {
-        let (head, tail, inner, times) = (rows(&case["head"]), rows(&case["tail"]), rows(&case["inner_points"]), numbers(&case["durations"]));
+        let (head, tail, inner, times) = (
+            rows(&case["head"]),
+            rows(&case["tail"]),
+            rows(&case["inner_points"]),
+            numbers(&case["durations"]),
+        );
         let (energy, coefficients, gradient) = match case["s"].as_u64().unwrap() {
             2 => check::<2>(&head, &tail, &inner, &times),
             3 => check::<3>(&head, &tail, &inner, &times),
@@ -217,13 +373,20 @@ fn minco_equals_the_stored_vectors() {
         };
         let compare = |a: &[f64], b: &[f64]| {
             let size = b.iter().fold(1e-300f64, |m, x| m.max(x.abs()));
-            a.iter().zip(b).map(|(x, y)| (x - y).abs() / size).fold(0.0, f64::max)
+            a.iter()
+                .zip(b)
+                .map(|(x, y)| (x - y).abs() / size)
+                .fold(0.0, f64::max)
         };
-        let flat = |v: &[Vector3<f64>]| v.iter().flat_map(|x| [x.x, x.y, x.z]).collect::<Vec<f64>>();
+        let flat =
+            |v: &[Vector3<f64>]| v.iter().flat_map(|x| [x.x, x.y, x.z]).collect::<Vec<f64>>();
         worst = worst
             .max(compare(&[energy], &[case["energy"].as_f64().unwrap()]))
             .max(compare(&flat(&coefficients), &flat(&rows(&case["coeffs"]))))
-            .max(compare(&flat(&gradient.inner_points), &flat(&rows(&case["dE_dq"]))))
+            .max(compare(
+                &flat(&gradient.inner_points),
+                &flat(&rows(&case["dE_dq"])),
+            ))
             .max(compare(&gradient.durations, &numbers(&case["dE_dT"])));
         seen += 1;
     }
@@ -243,7 +406,13 @@ const RATIO: f64 = 0.016;
 const DIRECTIONS: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 
 fn rotor_positions() -> [Vector3<f64>; 4] {
-    [[0.174, -0.174], [-0.174, 0.174], [0.174, 0.174], [-0.174, -0.174]].map(|p| Vector3::new(p[0], p[1], 0.06))
+    [
+        [0.174, -0.174],
+        [-0.174, 0.174],
+        [0.174, 0.174],
+        [-0.174, -0.174],
+    ]
+    .map(|p| Vector3::new(p[0], p[1], 0.06))
 }
 
 fn inertia() -> Matrix3<f64> {
@@ -254,21 +423,29 @@ impl Quadrotor {
     fn step(&mut self, wanted: &[f64], dt: f64) {
         let (mut force, mut torque) = (0.0, Vector3::zeros());
         for k in 0..4 {
-            let lag = if wanted[k] > self.speeds[k] { 0.0125 } else { 0.025 };
+            let lag = if wanted[k] > self.speeds[k] {
+                0.0125
+            } else {
+                0.025
+            };
             self.speeds[k] += (wanted[k] - self.speeds[k]) * (dt / lag).min(1.0);
             let f = K * self.speeds[k] * self.speeds[k];
             force += f;
-            torque += rotor_positions()[k].cross(&(Vector3::z() * f)) + Vector3::z() * (-DIRECTIONS[k] * RATIO * f);
+            torque += rotor_positions()[k].cross(&(Vector3::z() * f))
+                + Vector3::z() * (-DIRECTIONS[k] * RATIO * f);
         }
         let s = &mut self.state;
         let w = s.angular_velocity_in_body_radps;
-        let drag = s.world_from_body * Vector3::new(0.3, 0.3, 0.2).component_mul(&s.world_from_body.inverse_transform_vector(&s.v));
+        let drag = s.world_from_body
+            * Vector3::new(0.3, 0.3, 0.2)
+                .component_mul(&s.world_from_body.inverse_transform_vector(&s.v));
         let a = (s.world_from_body * Vector3::z() * force - drag) / MASS - Vector3::z() * 9.81;
         let alpha = inertia().try_inverse().unwrap() * (torque - w.cross(&(inertia() * w)));
         s.p += s.v * dt + a * (0.5 * dt * dt);
         s.v += a * dt;
         s.angular_velocity_in_body_radps += alpha * dt;
-        s.world_from_body *= UnitQuaternion::from_scaled_axis(s.angular_velocity_in_body_radps * dt);
+        s.world_from_body *=
+            UnitQuaternion::from_scaled_axis(s.angular_velocity_in_body_radps * dt);
     }
 }
 
@@ -276,10 +453,22 @@ impl Quadrotor {
 fn fly(reference: impl Fn(f64) -> (TrajectoryPoint, f64), seconds: f64, drag: f64) -> (f64, f64) {
     let mut controller = GeometricController::new(MASS, inertia());
     controller.drag_n_s_per_m = Vector3::new(drag, drag, drag);
-    let mixer = RotorMixer::new(&rotor_positions(), &DIRECTIONS, &[K; 4], &[RATIO; 4], &[1000.0; 4]).unwrap();
+    let mixer = RotorMixer::new(
+        &rotor_positions(),
+        &DIRECTIONS,
+        &[K; 4],
+        &[RATIO; 4],
+        &[1000.0; 4],
+    )
+    .unwrap();
     let first = reference(0.0);
     let mut quad = Quadrotor {
-        state: BodyState { p: first.0.p, v: Vector3::zeros(), world_from_body: UnitQuaternion::from_euler_angles(0.0, 0.0, first.1), angular_velocity_in_body_radps: Vector3::zeros() },
+        state: BodyState {
+            p: first.0.p,
+            v: Vector3::zeros(),
+            world_from_body: UnitQuaternion::from_euler_angles(0.0, 0.0, first.1),
+            angular_velocity_in_body_radps: Vector3::zeros(),
+        },
         speeds: [(MASS * 9.81 / 4.0 / K).sqrt(); 4],
     };
     let (mut sum, mut count, mut most) = (0.0, 0, 0.0f64);
@@ -314,11 +503,16 @@ fn circle_of_two_metres_is_tracked() {
             a: Vector3::new(-c, -s, 0.0) * (2.0 * rate * rate),
             jerk: Vector3::new(s, -c, 0.0) * (2.0 * rate * rate * rate),
         };
-        (point, (rate * t + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::TAU))
+        (
+            point,
+            (rate * t + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::TAU),
+        )
     };
     let (known, known_most) = fly(circle, 15.0, 0.3);
     let (unknown, unknown_most) = fly(circle, 15.0, 0.0);
-    println!("2 m circle at 1.6 m/s: RMSE {known:.4} m (max {known_most:.4}) with drag known, {unknown:.4} m (max {unknown_most:.4}) with drag unknown");
+    println!(
+        "2 m circle at 1.6 m/s: RMSE {known:.4} m (max {known_most:.4}) with drag known, {unknown:.4} m (max {unknown_most:.4}) with drag unknown"
+    );
     assert!(known < 0.03 && unknown < 0.08);
 }
 
@@ -326,8 +520,15 @@ fn circle_of_two_metres_is_tracked() {
 fn a_planned_flight_is_tracked() {
     let voxels = flat_3d(1.1, 2);
     let config = AirConfig::default();
-    let plan = plan(&voxels, &FlightState::resting_at(Point3::new(1.5, 1.5, 1.3)), &Point3::new(6.5, 2.0, 1.3), &config);
-    let Ok(plan) = plan else { panic!("{:?}", plan.err()) };
+    let plan = plan(
+        &voxels,
+        &FlightState::resting_at(Point3::new(1.5, 1.5, 1.3)),
+        &Point3::new(6.5, 2.0, 1.3),
+        &config,
+    );
+    let Ok(plan) = plan else {
+        panic!("{:?}", plan.err())
+    };
     let duration = plan.trajectory.duration();
     let (rmse, most) = fly(|t| (plan.trajectory.sample(t), 0.3), duration.max(4.0), 0.3);
     println!("flight of {duration:.1} s: RMSE {rmse:.4} m, max {most:.4} m");

@@ -9,7 +9,7 @@ pub struct AirConfig {
     pub max_accel_mps2: f64,
     /// Radius of a ball round the body's centre that holds the whole vehicle (0.36).
     pub radius_m: f64,
-    /// Distance kept beyond the radius, for tracking error and map noise (0.05).
+    /// Distance kept beyond the radius, for tracking error and map noise (0.03).
     pub margin_m: f64,
     /// Extra distance that is liked but not demanded (0.25).
     pub comfort_m: f64,
@@ -37,7 +37,7 @@ impl Default for AirConfig {
             max_speed_mps: 1.5,
             max_accel_mps2: 2.0,
             radius_m: 0.36,
-            margin_m: 0.05,
+            margin_m: 0.03,
             comfort_m: 0.25,
             obstacle_radius_m: 0.05,
             preferred_height_m: None,
@@ -73,12 +73,25 @@ impl AirConfig {
     /// # Errors
     /// [`AirConfigError`].
     pub fn validate(&self) -> Result<(), AirConfigError> {
-        let positive = [self.max_speed_mps, self.max_accel_mps2, self.radius_m, self.comfort_m, self.search_resolution_m, self.corridor_reach_m];
+        let positive = [
+            self.max_speed_mps,
+            self.max_accel_mps2,
+            self.radius_m,
+            self.comfort_m,
+            self.search_resolution_m,
+            self.corridor_reach_m,
+        ];
         if positive.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(AirConfigError::NotPositive);
         }
         let height = self.preferred_height_m.unwrap_or(0.0);
-        let not_negative = [self.margin_m, self.height_weight, self.nearness_weight, self.obstacle_radius_m, self.goal_pull_m];
+        let not_negative = [
+            self.margin_m,
+            self.height_weight,
+            self.nearness_weight,
+            self.obstacle_radius_m,
+            self.goal_pull_m,
+        ];
         if not_negative.iter().any(|v| !(v.is_finite() && *v >= 0.0)) || !height.is_finite() {
             return Err(AirConfigError::Negative);
         }

@@ -13,6 +13,10 @@ use super::polytope::{HalfSpace, Polytope};
 /// How much of the space to spare beside a leg is left to the trajectory before comfort takes any.
 const ROOM_M: f64 = 0.30;
 
+/// A joint this far from every face is deep enough; it is moved at most this far from the route.
+const DEEP_ENOUGH_M: f64 = 0.35;
+const MAX_SHIFT_M: f64 = 0.4;
+
 /// The polytope round one leg, inside the box `[low, high]`. The leg must be clear.
 pub(crate) fn polytope_around(
     a: &Vector3<f64>,
@@ -29,16 +33,30 @@ pub(crate) fn polytope_around(
     // Obstacles outside the box by less than what they demand bind as well.
     let mut open: Vec<Binding> = Vec::new();
     for o in surroundings.near(a, b, reach_m + surroundings.furthest_m()) {
-        if !polytope.faces.iter().any(|face| is_parted(face, &o.at, o.needed_m)) {
+        if !polytope
+            .faces
+            .iter()
+            .any(|face| is_parted(face, &o.at, o.needed_m))
+        {
             let nearest = nearest_on_segment(a, b, &o.at);
             let distance = (o.at - nearest).norm();
-            open.push(Binding { at: o.at, nearest, distance, spare: distance - o.needed_m, needed_m: o.needed_m, liked_m: o.liked_m });
+            open.push(Binding {
+                at: o.at,
+                nearest,
+                distance,
+                spare: distance - o.needed_m,
+                needed_m: o.needed_m,
+                liked_m: o.liked_m,
+            });
         }
     }
     while let Some(o) = tightest(&open) {
         let normal = (o.at - o.nearest) / o.distance.max(1e-9);
         let keep = (o.distance - ROOM_M).clamp(o.needed_m, o.liked_m.max(o.needed_m));
-        let face = HalfSpace { normal, offset_m: normal.dot(&o.at) - keep };
+        let face = HalfSpace {
+            normal,
+            offset_m: normal.dot(&o.at) - keep,
+        };
         polytope.faces.push(face);
         open.retain(|other| other.at != o.at && !is_parted(&face, &other.at, other.needed_m));
     }
@@ -59,7 +77,13 @@ struct Binding {
 /// The obstacle with the least to spare; ties by coordinates, so that the order of the points does not matter.
 fn tightest(open: &[Binding]) -> Option<Binding> {
     let key = |o: &Binding| (o.spare, o.at.x, o.at.y, o.at.z);
-    open.iter().copied().reduce(|best, o| if o.spare < best.spare || (o.spare == best.spare && key(&o) < key(&best)) { o } else { best })
+    open.iter().copied().reduce(|best, o| {
+        if o.spare < best.spare || (o.spare == best.spare && key(&o) < key(&best)) {
+            o
+        } else {
+            best
+        }
+    })
 }
 
 /// Whether every point of the half-space keeps the demanded distance from an obstacle.
@@ -69,29 +93,31 @@ fn is_parted(face: &HalfSpace, at: &Vector3<f64>, needed_m: f64) -> bool {
 
 /// A point deep inside two overlapping polytopes, not far from one they share.
 pub(crate) fn deep_point(a: &Polytope, b: &Polytope, shared: &Vector3<f64>) -> Vector3<f64> {
-    let slack = |p: &Vector3<f64>| a.slack(p).min(b.slack(p));
-    let mut best = (slack(shared), *shared);
-    let mut step = 0.10;
-    // Pattern search along the axes and the normals of binding faces: small, deterministic, good enough for a start.
-    for _ in 0..10 {
-        let mut improved = false;
-        for axis in 0..3 {
-            for sign in [1.0, -1.0] {
-                let mut p = best.1;
-                p[axis] += sign * step;
-                let s = slack(&p);
-                if s > best.0 + 1e-6 && (p - shared).norm() <= 0.4 {
-                    best = (s, p);
-                    improved = true;
-                }
+    let tightest = |p: &Vector3<f64>| {
+        let slack = |f: &HalfSpace| f.offset_m - f.normal.dot(p);
+        let face = a
+            .faces
+            .iter()
+            .chain(&b.faces)
+            .copied()
+            .reduce(|x, y| if slack(&y) < slack(&x) { y } else { x });
+        face.map_or((f64::INFINITY, Vector3::zeros()), |f| (slack(&f), f.normal))
+    };
+    let mut p = *shared;
+    let mut best = (tightest(&p).0, p);
+    // Subgradient ascent of the distance to the nearest face, with steps that shrink: it climbs along edges, where
+    // coordinate moves are stuck.
+    let mut step = 0.12;
+    while step > 0.002 && best.0 < DEEP_ENOUGH_M {
+        for _ in 0..3 {
+            p -= tightest(&p).1 * step;
+            let slack = tightest(&p).0;
+            if slack > best.0 && (p - shared).norm() <= MAX_SHIFT_M {
+                best = (slack, p);
             }
         }
-        if !improved {
-            step *= 0.5;
-        }
-        if best.0 > 0.35 {
-            break;
-        }
+        p = best.1;
+        step *= 0.8;
     }
     best.1
 }

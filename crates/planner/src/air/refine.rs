@@ -34,13 +34,29 @@ pub(crate) struct Refined {
 
 /// Flies `route` (its first point is the head's position) through `corridor`, one polytope per leg, to rest.
 /// `None` if not even stop-and-go is certified, which can only be because the start moves.
-pub(crate) fn refine(head: &State, route: &[Vector3<f64>], corridor: &[Polytope], clearance_m: f64, config: &AirConfig) -> Option<Refined> {
+pub(crate) fn refine(
+    head: &State,
+    route: &[Vector3<f64>],
+    corridor: &[Polytope],
+    clearance_m: f64,
+    config: &AirConfig,
+) -> Option<Refined> {
     let goal = route[route.len() - 1];
     let tail = [goal, Vector3::zeros(), Vector3::zeros()];
     let mut knots = Knots::new(route, corridor);
     for _ in 0..=SPLIT_ROUNDS {
         match knots.stretch(head, &tail, corridor, clearance_m, config) {
-            Outcome::Holds(times, refined) => return Some(knots.shrink(head, &tail, corridor, clearance_m, config, times, refined)),
+            Outcome::Holds(times, refined) => {
+                return Some(knots.shrink(
+                    head,
+                    &tail,
+                    corridor,
+                    clearance_m,
+                    config,
+                    times,
+                    refined,
+                ));
+            }
             Outcome::Leaves(pieces) => knots.split(&pieces),
         }
     }
@@ -67,7 +83,11 @@ impl Knots {
         for k in 1..corridor.len() {
             points[k] = deep_point(&corridor[k - 1], &corridor[k], &route[k]);
         }
-        Knots { points, polytope_of: (0..corridor.len()).collect(), caution: vec![1.0; corridor.len()] }
+        Knots {
+            points,
+            polytope_of: (0..corridor.len()).collect(),
+            caution: vec![1.0; corridor.len()],
+        }
     }
 
     /// Puts a point into the middle of the given pieces: both ends are in one convex polytope, so is the middle.
@@ -81,29 +101,64 @@ impl Knots {
         }
     }
 
-    fn solve(&self, head: &State, tail: &State, times: &[f64], corridor: &[Polytope], clearance_m: f64, config: &AirConfig) -> Option<Refined> {
-        let spline = Minco::<3>::solve(head, tail, &self.points[1..self.points.len() - 1], times).ok()?;
+    fn solve(
+        &self,
+        head: &State,
+        tail: &State,
+        times: &[f64],
+        corridor: &[Polytope],
+        clearance_m: f64,
+        config: &AirConfig,
+    ) -> Option<Refined> {
+        let spline =
+            Minco::<3>::solve(head, tail, &self.points[1..self.points.len() - 1], times).ok()?;
         let trajectory = PolynomialTrajectory::from_minco(&spline);
-        let certificate = certify(&trajectory, corridor, &self.polytope_of, config.max_speed_mps, config.max_accel_mps2, clearance_m);
-        Some(Refined { trajectory, polytope_of: self.polytope_of.clone(), certificate })
+        let certificate = certify(
+            &trajectory,
+            corridor,
+            &self.polytope_of,
+            config.max_speed_mps,
+            config.max_accel_mps2,
+            clearance_m,
+        );
+        Some(Refined {
+            trajectory,
+            polytope_of: self.polytope_of.clone(),
+            certificate,
+        })
     }
 
     /// Slows down the pieces that are too fast until speed and acceleration hold; reports pieces that leave the corridor.
-    fn stretch(&self, head: &State, tail: &State, corridor: &[Polytope], clearance_m: f64, config: &AirConfig) -> Outcome {
+    fn stretch(
+        &self,
+        head: &State,
+        tail: &State,
+        corridor: &[Polytope],
+        clearance_m: f64,
+        config: &AirConfig,
+    ) -> Outcome {
         let mut times = trapezoid_times(&self.points, head[1].norm(), config);
         for (t, caution) in times.iter_mut().zip(&self.caution) {
             *t *= caution;
         }
         let mut leaving = Vec::new();
         for _ in 0..STRETCH_ROUNDS {
-            let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config) else { break };
+            let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config)
+            else {
+                break;
+            };
             if refined.certificate.holds {
                 return Outcome::Holds(times, refined);
             }
             leaving.clear();
             let mut factors = vec![1.0f64; times.len()];
             for (k, piece) in refined.trajectory.pieces.iter().enumerate() {
-                let bounds = bound(piece, &corridor[self.polytope_of[k]], config.max_speed_mps, config.max_accel_mps2);
+                let bounds = bound(
+                    piece,
+                    &corridor[self.polytope_of[k]],
+                    config.max_speed_mps,
+                    config.max_accel_mps2,
+                );
                 if bounds.slack < 0.0 {
                     leaving.push(k);
                 }
@@ -135,7 +190,16 @@ impl Knots {
 
     /// Shortens durations, all together and one by one, as long as the certificate holds.
     #[allow(clippy::too_many_arguments)]
-    fn shrink(&self, head: &State, tail: &State, corridor: &[Polytope], clearance_m: f64, config: &AirConfig, times: Vec<f64>, refined: Refined) -> Refined {
+    fn shrink(
+        &self,
+        head: &State,
+        tail: &State,
+        corridor: &[Polytope],
+        clearance_m: f64,
+        config: &AirConfig,
+        times: Vec<f64>,
+        refined: Refined,
+    ) -> Refined {
         let (mut best_times, mut best) = (times, refined);
         for round in 0..SHRINK_ROUNDS {
             let factor = [0.8, 0.88, 0.94][round.min(2)];
@@ -148,10 +212,9 @@ impl Knots {
                 if times.iter().any(|t| *t < MIN_DURATION_S) {
                     continue;
                 }
-                if let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config) {
-                    if refined.certificate.holds {
-                        (best_times, best) = (times, refined);
-                    }
+                let tried = self.solve(head, tail, &times, corridor, clearance_m, config);
+                if let Some(refined) = tried.filter(|refined| refined.certificate.holds) {
+                    (best_times, best) = (times, refined);
                 }
             }
         }
@@ -166,7 +229,13 @@ fn trapezoid_times(points: &[Vector3<f64>], start_speed: f64, config: &AirConfig
     let (speed, accel) = (0.85 * config.max_speed_mps, 0.6 * config.max_accel_mps2);
     let v0 = start_speed.min(speed);
     // Time at arc length s: the speed is limited by the ramp up, the cruise and the ramp down.
-    let fastest = |s: f64| (v0 * v0 + 2.0 * accel * s).min(speed * speed).min(2.0 * accel * (total - s).max(0.0)).max(0.0).sqrt();
+    let fastest = |s: f64| {
+        (v0 * v0 + 2.0 * accel * s)
+            .min(speed * speed)
+            .min(2.0 * accel * (total - s).max(0.0))
+            .max(0.0)
+            .sqrt()
+    };
     let mut times = Vec::with_capacity(lengths.len());
     let mut at = 0.0;
     for length in lengths {
@@ -187,7 +256,13 @@ fn trapezoid_times(points: &[Vector3<f64>], start_speed: f64, config: &AirConfig
 
 /// Straight legs, each from rest to rest: inside every convex corridor that holds the legs. A moving start first
 /// brakes on a straight line, if the first polytope has room for it.
-fn stop_and_go(head: &State, route: &[Vector3<f64>], corridor: &[Polytope], clearance_m: f64, config: &AirConfig) -> Option<Refined> {
+fn stop_and_go(
+    head: &State,
+    route: &[Vector3<f64>],
+    corridor: &[Polytope],
+    clearance_m: f64,
+    config: &AirConfig,
+) -> Option<Refined> {
     let mut pieces = Vec::new();
     let mut polytope_of = Vec::new();
     let mut from = head[0];
@@ -206,19 +281,45 @@ fn stop_and_go(head: &State, route: &[Vector3<f64>], corridor: &[Polytope], clea
         from = *end;
     }
     if pieces.is_empty() {
-        pieces.push(Piece { duration_s: MIN_DURATION_S, coefficients: vec![from] });
+        pieces.push(Piece {
+            duration_s: MIN_DURATION_S,
+            coefficients: vec![from],
+        });
         polytope_of.push(0);
     }
     let trajectory = PolynomialTrajectory { pieces };
-    let certificate = certify(&trajectory, corridor, &polytope_of, config.max_speed_mps, config.max_accel_mps2, clearance_m);
-    certificate.holds.then_some(Refined { trajectory, polytope_of, certificate })
+    let certificate = certify(
+        &trajectory,
+        corridor,
+        &polytope_of,
+        config.max_speed_mps,
+        config.max_accel_mps2,
+        clearance_m,
+    );
+    certificate.holds.then_some(Refined {
+        trajectory,
+        polytope_of,
+        certificate,
+    })
 }
 
 /// The minimum-jerk line 10 u^3 - 15 u^4 + 6 u^5: top speed 1.875 l/T, top acceleration 10/sqrt(3) l/T^2. The 7 and 2.5
 /// are what the certificate can prove of them with room to spare.
 fn rest_to_rest(from: &Vector3<f64>, to: &Vector3<f64>, length: f64, config: &AirConfig) -> Piece {
-    let t = (2.5 * length / config.max_speed_mps).max((7.0 * length / config.max_accel_mps2).sqrt()).max(MIN_DURATION_S);
+    let t = (2.5 * length / config.max_speed_mps)
+        .max((7.0 * length / config.max_accel_mps2).sqrt())
+        .max(MIN_DURATION_S);
     let d = to - from;
     let zero = Vector3::zeros();
-    Piece { duration_s: t, coefficients: vec![*from, zero, zero, d * (10.0 / t.powi(3)), d * (-15.0 / t.powi(4)), d * (6.0 / t.powi(5))] }
+    Piece {
+        duration_s: t,
+        coefficients: vec![
+            *from,
+            zero,
+            zero,
+            d * (10.0 / t.powi(3)),
+            d * (-15.0 / t.powi(4)),
+            d * (6.0 / t.powi(5)),
+        ],
+    }
 }

@@ -7,12 +7,12 @@
 //! by the number of the lattice point, so the same world gives the same route.
 
 use std::cell::RefCell;
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use nalgebra::{Point3, Vector3};
 
 use super::config::AirConfig;
+use super::guide::{Entry, Guide};
 
 /// Most lattice points the search box may have; memory is touched only where the search goes.
 const MAX_NODES: usize = 6_000_000;
@@ -39,20 +39,27 @@ pub enum SearchOutcome {
 /// The lattice of a search, with the distances asked for so far.
 pub struct SearchGrid<'a> {
     distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
-    resolution_m: f64,
+    pub(super) resolution_m: f64,
     /// Index of the lowest lattice point: its coordinates are `(index + 0.5) * resolution`.
-    low: [i64; 3],
-    size: [usize; 3],
+    pub(super) low: [i64; 3],
+    pub(super) size: [usize; 3],
     clearance: RefCell<Vec<u16>>,
     obstacle_radius_m: f64,
     needed_m: f64,
+    /// What free may lack: 0, or half a cell once a strict search has failed.
+    lenience_m: f64,
     /// Points that an exact check found blocked although the distance field allowed them.
     forbidden: Vec<usize>,
 }
 
 impl<'a> SearchGrid<'a> {
     /// A lattice round start and goal, which are finite.
-    pub fn new(start: &Point3<f64>, goal: &Point3<f64>, distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>, config: &AirConfig) -> Self {
+    pub fn new(
+        start: &Point3<f64>,
+        goal: &Point3<f64>,
+        distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
+        config: &AirConfig,
+    ) -> Self {
         let r = config.search_resolution_m;
         let mut share = 1.0;
         loop {
@@ -77,6 +84,7 @@ impl<'a> SearchGrid<'a> {
                     clearance: RefCell::new(vec![UNSET; nodes.min(MAX_NODES)]),
                     obstacle_radius_m: config.obstacle_radius_m,
                     needed_m: (total * total + 0.25 * longest).sqrt() - config.obstacle_radius_m,
+                    lenience_m: 0.0,
                     forbidden: Vec::new(),
                 };
             }
@@ -92,7 +100,9 @@ impl<'a> SearchGrid<'a> {
     /// Corners of the box that is searched.
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
         let corner = |shift: fn(usize) -> i64| {
-            Point3::from(Vector3::from_fn(|axis, _| (self.low[axis] + shift(self.size[axis])) as f64 * self.resolution_m))
+            Point3::from(Vector3::from_fn(|axis, _| {
+                (self.low[axis] + shift(self.size[axis])) as f64 * self.resolution_m
+            }))
         };
         (corner(|_| 0), corner(|n| n as i64))
     }
@@ -111,13 +121,19 @@ impl<'a> SearchGrid<'a> {
     }
 
     fn index(&self, node: usize) -> [usize; 3] {
-        [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])]
+        [
+            node % self.size[0],
+            node / self.size[0] % self.size[1],
+            node / (self.size[0] * self.size[1]),
+        ]
     }
 
     /// Position of a lattice point.
     pub fn position(&self, node: usize) -> Point3<f64> {
         let index = self.index(node);
-        Point3::from(Vector3::from_fn(|axis, _| ((self.low[axis] + index[axis] as i64) as f64 + 0.5) * self.resolution_m))
+        Point3::from(Vector3::from_fn(|axis, _| {
+            ((self.low[axis] + index[axis] as i64) as f64 + 0.5) * self.resolution_m
+        }))
     }
 
     /// Distance from the lattice point to the nearest obstacle's surface; `None` where unknown.
@@ -137,10 +153,18 @@ impl<'a> SearchGrid<'a> {
 
     /// Visits the unknown lattice points of a box that have a known neighbour (the border of the unknown) until `visit`
     /// returns false; whether it never did.
-    pub fn for_unknown_border(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(Vector3<f64>) -> bool) -> bool {
+    pub fn for_unknown_border(
+        &self,
+        low: &Vector3<f64>,
+        high: &Vector3<f64>,
+        mut visit: impl FnMut(Vector3<f64>) -> bool,
+    ) -> bool {
         let mut range = [(0usize, 0usize); 3];
         for axis in 0..3 {
-            let cell = |v: f64| ((v / self.resolution_m).floor() - self.low[axis] as f64).clamp(0.0, self.size[axis] as f64 - 1.0) as usize;
+            let cell = |v: f64| {
+                ((v / self.resolution_m).floor() - self.low[axis] as f64)
+                    .clamp(0.0, self.size[axis] as f64 - 1.0) as usize
+            };
             range[axis] = (cell(low[axis]), cell(high[axis]));
         }
         let strides = [1, self.size[0], self.size[0] * self.size[1]];
@@ -154,7 +178,8 @@ impl<'a> SearchGrid<'a> {
                     let index = [x, y, z];
                     let borders = (0..3).any(|axis| {
                         (index[axis] > 0 && self.is_known(node - strides[axis]))
-                            || (index[axis] + 1 < self.size[axis] && self.is_known(node + strides[axis]))
+                            || (index[axis] + 1 < self.size[axis]
+                                && self.is_known(node + strides[axis]))
                     });
                     if borders && !visit(self.position(node).coords) {
                         return false;
@@ -175,12 +200,31 @@ impl<'a> SearchGrid<'a> {
 
     /// Whether the centre of the body may be at the lattice point.
     pub fn is_free(&self, node: usize) -> bool {
-        self.clearance(node).is_some_and(|c| c >= self.needed_m) && self.forbidden.binary_search(&node).is_err()
+        self.clearance(node)
+            .is_some_and(|c| c >= self.needed_m - self.lenience_m)
+            && self.forbidden.binary_search(&node).is_err()
     }
 
-    /// Takes lattice points out of the search.
-    pub fn forbid(&mut self, nodes: impl IntoIterator<Item = usize>) {
-        self.forbidden.extend(nodes);
+    /// Lets free points lack half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
+    /// by that much. A route found so must be centred and checked exactly. Whether this changed anything.
+    pub fn relax(&mut self) -> bool {
+        let was_strict = self.lenience_m == 0.0;
+        self.lenience_m = 0.5 * self.resolution_m;
+        was_strict
+    }
+
+    /// Takes the lattice points near a place out of the search.
+    pub fn forbid(&mut self, place: &Point3<f64>) {
+        for dz in -2..=2 {
+            for dy in -2..=2 {
+                for dx in -2..=2 {
+                    let near = place
+                        + Vector3::new(f64::from(dx), f64::from(dy), f64::from(dz))
+                            * self.resolution_m;
+                    self.forbidden.extend(self.node(&near));
+                }
+            }
+        }
         self.forbidden.sort_unstable();
         self.forbidden.dedup();
     }
@@ -203,19 +247,30 @@ impl<'a> SearchGrid<'a> {
             }
         }
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        candidates.into_iter().map(|(_, node)| node).find(|&node| self.is_free(node))
+        candidates
+            .into_iter()
+            .map(|(_, node)| node)
+            .find(|&node| self.is_free(node))
     }
 
     /// How much dearer a metre is here: near obstacles and off the preferred height.
     pub fn price(&self, node: usize, preferred_z: f64, config: &AirConfig) -> f64 {
         let spare = self.clearance(node).unwrap_or(0.0) - config.clearance_m();
         let near = (1.0 - spare / config.comfort_m).clamp(0.0, 1.0);
-        let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5) * self.resolution_m;
+        let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5)
+            * self.resolution_m;
         1.0 + config.nearness_weight * near * near + config.height_weight * (z - preferred_z).abs()
     }
 
     /// A* between two free lattice points. `expansions` returns the work done.
-    pub fn search(&self, from: usize, to: usize, preferred_z: f64, config: &AirConfig, expansions: &mut usize) -> SearchOutcome {
+    pub fn search(
+        &self,
+        from: usize,
+        to: usize,
+        preferred_z: f64,
+        config: &AirConfig,
+        expansions: &mut usize,
+    ) -> SearchOutcome {
         let nodes = self.clearance.borrow().len();
         // Cost + 1, so that zeroed memory (not touched until used) means "not seen".
         let mut cost = vec![0.0f32; nodes];
@@ -225,8 +280,17 @@ impl<'a> SearchGrid<'a> {
         let bound = |node: usize| guide.cost_to_go(self, node);
         let mut heap = BinaryHeap::new();
         cost[from] = 1.0;
-        heap.push(Entry { estimate: bound(from), cost: 0.0, node: from as u32 });
-        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
+        heap.push(Entry {
+            estimate: bound(from),
+            cost: 0.0,
+            node: from as u32,
+        });
+        while let Some(Entry {
+            cost: reached,
+            node,
+            ..
+        }) = heap.pop()
+        {
             let node = node as usize;
             if reached + 1.0 > cost[node] {
                 continue;
@@ -261,7 +325,11 @@ impl<'a> SearchGrid<'a> {
                 if cost[other] == 0.0 || next + 1.0 < cost[other] {
                     cost[other] = next + 1.0;
                     came[other] = k as u8;
-                    heap.push(Entry { estimate: next + bound(other), cost: next, node: other as u32 });
+                    heap.push(Entry {
+                        estimate: next + bound(other),
+                        cost: next,
+                        node: other as u32,
+                    });
                 }
             }
         }
@@ -286,8 +354,13 @@ impl<'a> SearchGrid<'a> {
                 for dx in -1i64..=1 {
                     if (dx, dy, dz) != (0, 0, 0) {
                         let offset = (dz * self.size[1] as i64 + dy) * self.size[0] as i64 + dx;
-                        let length = ((dx * dx + dy * dy + dz * dz) as f64).sqrt() * self.resolution_m;
-                        steps.push(Step { shift: [dx, dy, dz], offset, length: length as f32 });
+                        let length =
+                            ((dx * dx + dy * dy + dz * dz) as f64).sqrt() * self.resolution_m;
+                        steps.push(Step {
+                            shift: [dx, dy, dz],
+                            offset,
+                            length: length as f32,
+                        });
                     }
                 }
             }
@@ -296,118 +369,8 @@ impl<'a> SearchGrid<'a> {
     }
 }
 
-/// Heights tried for the guide, relative to the preferred one: the first free one counts.
-const GUIDE_LAYERS_M: [f64; 5] = [0.0, 0.3, -0.3, 0.6, -0.6];
-
-/// An estimate of the cost to go: Dijkstra from the goal over the plan view (a cell is free if it is at one of a few
-/// heights), plus the climb. Where the plan view tells nothing, the straight distance.
-struct Guide {
-    preferred_z: f64,
-    goal: Point3<f64>,
-    /// Cost + 1 per column, 0 = not reached.
-    cost: Vec<f32>,
-}
-
-impl Guide {
-    fn new(grid: &SearchGrid, from: usize, to: usize, preferred_z: f64, config: &AirConfig) -> Guide {
-        let (nx, ny) = (grid.size[0], grid.size[1]);
-        let plane = nx * ny;
-        let mut layers: Vec<usize> = Vec::new();
-        for z in GUIDE_LAYERS_M {
-            let layer = ((preferred_z + z) / grid.resolution_m).floor() - grid.low[2] as f64;
-            layers.push(layer.clamp(0.0, grid.size[2] as f64 - 1.0) as usize);
-        }
-        // Price + 1 per column; 0 = not asked, negative = blocked.
-        let mut prices = vec![0.0f32; plane];
-        let mut price = |column: usize| {
-            if prices[column] == 0.0 {
-                let free = layers.iter().map(|layer| layer * plane + column).find(|&node| grid.is_free(node));
-                prices[column] = free.map_or(-1.0, |node| grid.price(node, preferred_z, config) as f32);
-            }
-            prices[column]
-        };
-        let mut guide = Guide { preferred_z, goal: grid.position(to), cost: vec![0.0; plane] };
-        let (seed, start) = (to % plane, from % plane);
-        let r = grid.resolution_m as f32;
-        let mut heap = BinaryHeap::new();
-        let mut enough = f32::INFINITY;
-        guide.cost[seed] = 1.0;
-        heap.push(Entry { estimate: 0.0, cost: 0.0, node: seed as u32 });
-        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
-            let node = node as usize;
-            if reached + 1.0 > guide.cost[node] {
-                continue;
-            }
-            if reached > enough {
-                break;
-            }
-            if node == start {
-                // A little beyond the start, so that the search may swing out.
-                enough = reached + 2.0;
-            }
-            let here = price(node).max(1.0);
-            let (x, y) = ((node % nx) as i64, (node / nx) as i64);
-            for (dx, dy) in [(1i64, 0i64), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)] {
-                let (ox, oy) = (x + dx, y + dy);
-                if ox < 0 || oy < 0 || ox >= nx as i64 || oy >= ny as i64 {
-                    continue;
-                }
-                let other = oy as usize * nx + ox as usize;
-                let length = if dx != 0 && dy != 0 { r * std::f32::consts::SQRT_2 } else { r };
-                if guide.cost[other] != 0.0 && reached + length + 1.0 >= guide.cost[other] {
-                    continue;
-                }
-                let there = price(other);
-                if there < 0.0 {
-                    continue;
-                }
-                let next = reached + length * 0.5 * (here + there);
-                if guide.cost[other] == 0.0 || next + 1.0 < guide.cost[other] {
-                    guide.cost[other] = next + 1.0;
-                    heap.push(Entry { estimate: next, cost: next, node: other as u32 });
-                }
-            }
-        }
-        guide
-    }
-
-    fn cost_to_go(&self, grid: &SearchGrid, node: usize) -> f32 {
-        let position = grid.position(node);
-        let planar = self.cost[node % self.cost.len()];
-        if planar == 0.0 {
-            return (position - self.goal).norm() as f32;
-        }
-        let planar = planar - 1.0;
-        let climb = ((position.z - self.preferred_z).abs() + (self.preferred_z - self.goal.z).abs()) as f32;
-        // Far from the goal the climb comes on top, near it the way is slanting.
-        0.5 * (planar + climb + planar.hypot((position.z - self.goal.z) as f32))
-    }
-}
-
 struct Step {
     shift: [i64; 3],
     offset: i64,
     length: f32,
-}
-
-#[derive(PartialEq)]
-struct Entry {
-    estimate: f32,
-    cost: f32,
-    node: u32,
-}
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    /// Cheapest estimate first, then the further one, then the lower number.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.estimate.total_cmp(&self.estimate).then(self.cost.total_cmp(&other.cost)).then(other.node.cmp(&self.node))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
 }

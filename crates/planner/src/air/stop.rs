@@ -9,7 +9,12 @@ use super::trajectory::{Piece, PolynomialTrajectory};
 /// of a fixed ladder whose acceleration stays within `max_accel_mps2` (a start that is beyond it already is brought
 /// back as gently as the ladder allows).
 pub fn stop_trajectory(start: &super::FlightState, max_accel_mps2: f64) -> PolynomialTrajectory {
-    PolynomialTrajectory { pieces: vec![stop_piece(&[start.p.coords, start.v, start.a], max_accel_mps2)] }
+    PolynomialTrajectory {
+        pieces: vec![stop_piece(
+            &[start.p.coords, start.v, start.a],
+            max_accel_mps2,
+        )],
+    }
 }
 
 /// One piece from a state to rest.
@@ -34,9 +39,15 @@ fn piece_of(head: &[Vector3<f64>; 3], t: f64) -> Piece {
     let end = head[0] + head[1] * (0.5 * t) + head[2] * (t * t / 12.0);
     let zero = Vector3::zeros();
     match Minco::<3>::solve(head, &[end, zero, zero], &[], &[t]) {
-        Ok(spline) => Piece { duration_s: t, coefficients: spline.coefficients().to_vec() },
+        Ok(spline) => Piece {
+            duration_s: t,
+            coefficients: spline.coefficients().to_vec(),
+        },
         // A state that is not finite: stay.
-        Err(_) => Piece { duration_s: t, coefficients: vec![head[0]] },
+        Err(_) => Piece {
+            duration_s: t,
+            coefficients: vec![head[0]],
+        },
     }
 }
 
@@ -48,7 +59,11 @@ mod tests {
 
     #[test]
     fn comes_to_rest_within_the_limit() {
-        let start = FlightState { p: Point3::new(1.0, 2.0, 3.0), v: Vector3::new(1.5, -0.5, 0.2), a: Vector3::new(0.0, 1.0, 0.0) };
+        let start = FlightState {
+            p: Point3::new(1.0, 2.0, 3.0),
+            v: Vector3::new(1.5, -0.5, 0.2),
+            a: Vector3::new(0.0, 1.0, 0.0),
+        };
         let stop = stop_trajectory(&start, 2.0);
         let end = stop.pieces[0].sample(stop.duration());
         assert!(end.v.norm() < 1e-9 && end.a.norm() < 1e-9);

@@ -17,7 +17,16 @@ pub(crate) struct Lattice {
     component: Vec<u32>,
 }
 
-const NEIGHBOURS: [(i64, i64); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+const NEIGHBOURS: [(i64, i64); 8] = [
+    (1, 0),
+    (0, 1),
+    (-1, 0),
+    (0, -1),
+    (1, 1),
+    (-1, 1),
+    (-1, -1),
+    (1, -1),
+];
 
 impl Lattice {
     /// A point counts as free if the whole edge to any free neighbour keeps `radius`: an edge of length L between
@@ -25,7 +34,15 @@ impl Lattice {
     pub fn new(field: &ClearanceField, radius: f64) -> Self {
         let threshold = (radius * radius + 0.5).ceil() as u32;
         let (nx, ny) = (field.nx, field.ny);
-        let mut lattice = Lattice { nx, ny, component: field.squared_all().iter().map(|&d| u32::from(d >= threshold) * u32::MAX).collect() };
+        let mut lattice = Lattice {
+            nx,
+            ny,
+            component: field
+                .squared_all()
+                .iter()
+                .map(|&d| u32::from(d >= threshold) * u32::MAX)
+                .collect(),
+        };
         lattice.label();
         lattice
     }
@@ -64,7 +81,12 @@ impl Lattice {
     }
 
     /// The free lattice point nearest to `p` within `reach` cells that `accept`s, with its distance.
-    pub fn nearest(&self, p: &Point2<f64>, reach: f64, accept: impl Fn(usize, &Point2<f64>) -> bool) -> Option<(usize, f64)> {
+    pub fn nearest(
+        &self,
+        p: &Point2<f64>,
+        reach: f64,
+        accept: impl Fn(usize, &Point2<f64>) -> bool,
+    ) -> Option<(usize, f64)> {
         if !(p.x.is_finite() && p.y.is_finite()) {
             return None;
         }
@@ -104,15 +126,27 @@ impl Lattice {
 
     /// Lattice distances from one point to all (cells); unreachable ones are infinite.
     pub fn distances(&self, from: usize) -> Vec<f64> {
-        self.search(from, |_| 0.0, |_, _| false).into_iter().map(|(g, _)| g).collect()
+        self.search(from, |_| 0.0, |_, _| false)
+            .into_iter()
+            .map(|(g, _)| g)
+            .collect()
     }
 
     /// Best-first search; per lattice point (distance, parent). Ends early when `done`.
-    fn search(&self, from: usize, bound: impl Fn(usize) -> f64, done: impl Fn(usize, f64) -> bool) -> Vec<(f64, u32)> {
+    fn search(
+        &self,
+        from: usize,
+        bound: impl Fn(usize) -> f64,
+        done: impl Fn(usize, f64) -> bool,
+    ) -> Vec<(f64, u32)> {
         let mut best = vec![(f64::INFINITY, u32::MAX); self.component.len()];
         let mut heap = BinaryHeap::new();
         best[from].0 = 0.0;
-        heap.push(Entry { cost: bound(from), distance: 0.0, node: from as u32 });
+        heap.push(Entry {
+            cost: bound(from),
+            distance: 0.0,
+            node: from as u32,
+        });
         while let Some(Entry { distance, node, .. }) = heap.pop() {
             let k = node as usize;
             if distance > best[k].0 {
@@ -126,7 +160,11 @@ impl Lattice {
                 let reached = distance + if n < 4 { 1.0 } else { std::f64::consts::SQRT_2 };
                 if self.component[other] != 0 && reached < best[other].0 {
                     best[other] = (reached, node);
-                    heap.push(Entry { cost: reached + bound(other), distance: reached, node: other as u32 });
+                    heap.push(Entry {
+                        cost: reached + bound(other),
+                        distance: reached,
+                        node: other as u32,
+                    });
                 }
             }
         }
@@ -151,7 +189,10 @@ impl Eq for Entry {}
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
+        other
+            .cost
+            .total_cmp(&self.cost)
+            .then(other.node.cmp(&self.node))
     }
 }
 

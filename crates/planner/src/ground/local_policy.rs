@@ -8,97 +8,10 @@
 use nalgebra::{Point2, Vector2};
 
 use super::footprint::Footprint;
-use super::motion::{Ramp, Twist, advance, can_stop};
+use super::motion::{Ramp, Twist, can_stop};
 use super::obstacles::{ObstacleField, Pose};
 use super::path::Path;
-
-/// Limits and taste of a [`LocalPolicy`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct LocalPolicyConfig {
-    /// Forward speed limit (0.6).
-    pub max_speed_mps: f64,
-    /// Backward speed limit, used to recover and to reach a near goal (0.3).
-    pub max_reverse_speed_mps: f64,
-    /// Sideways speed limit; 0 for a base that cannot (0.2).
-    pub max_lateral_speed_mps: f64,
-    /// Turn rate limit (1.0).
-    pub max_yaw_rate_radps: f64,
-    /// Acceleration and braking limit in the plane (1.0).
-    pub max_accel_mps2: f64,
-    /// Turn acceleration limit (2.5).
-    pub max_yaw_accel_radps2: f64,
-    /// Distance of the point on the path that is steered at (0.6).
-    pub lookahead_m: f64,
-    /// Outline in the body frame; its convex hull is used (0.70 x 0.33 box).
-    pub footprint: Vec<Point2<f64>>,
-    /// Distance kept from obstacle points beyond the footprint (0.04).
-    pub margin_m: f64,
-    /// Period of the loop (0.02).
-    pub period_s: f64,
-    /// Arrived when the body origin is this near to the path's end (0.12).
-    pub goal_tolerance_m: f64,
-    /// ... and the final heading, if given, is met to this (0.10).
-    pub heading_tolerance_rad: f64,
-    /// Speed falls from full to a third as the clearance falls from this to the margin (0.40).
-    pub slow_clearance_m: f64,
-    /// Length of the roll-outs (1.2).
-    pub horizon_s: f64,
-    /// Blocked after this long without moving (2.0).
-    pub stuck_after_s: f64,
-}
-
-impl Default for LocalPolicyConfig {
-    fn default() -> Self {
-        LocalPolicyConfig {
-            max_speed_mps: 0.6,
-            max_reverse_speed_mps: 0.3,
-            max_lateral_speed_mps: 0.2,
-            max_yaw_rate_radps: 1.0,
-            max_accel_mps2: 1.0,
-            max_yaw_accel_radps2: 2.5,
-            lookahead_m: 0.6,
-            footprint: vec![Point2::new(0.35, 0.165), Point2::new(-0.35, 0.165), Point2::new(-0.35, -0.165), Point2::new(0.35, -0.165)],
-            margin_m: 0.04,
-            period_s: 0.02,
-            goal_tolerance_m: 0.12,
-            heading_tolerance_rad: 0.10,
-            slow_clearance_m: 0.40,
-            horizon_s: 1.2,
-            stuck_after_s: 2.0,
-        }
-    }
-}
-
-/// Why a [`LocalPolicyConfig`] was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum LocalPolicyError {
-    /// A limit, distance or time is not finite, negative, or zero where it may not be.
-    #[error("limits, distances and times must be finite and positive (lateral and reverse speed and margin may be 0)")]
-    BadLimit,
-    /// The footprint's points do not span an area or are not finite.
-    #[error("the footprint must have three points that span an area")]
-    BadFootprint,
-}
-
-impl LocalPolicyConfig {
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// [`LocalPolicyError`].
-    pub fn validate(&self) -> Result<(), LocalPolicyError> {
-        let positive = [
-            self.max_speed_mps, self.max_yaw_rate_radps, self.max_accel_mps2, self.max_yaw_accel_radps2, self.lookahead_m,
-            self.period_s, self.goal_tolerance_m, self.heading_tolerance_rad, self.slow_clearance_m, self.horizon_s, self.stuck_after_s,
-        ];
-        let not_negative = [self.max_reverse_speed_mps, self.max_lateral_speed_mps, self.margin_m];
-        let good = positive.iter().all(|v| v.is_finite() && *v > 0.0) && not_negative.iter().all(|v| v.is_finite() && *v >= 0.0);
-        // The roll-outs are bounded in number of steps.
-        if !good || self.horizon_s > 10.0 || self.max_speed_mps / self.max_accel_mps2 > 1000.0 * self.period_s {
-            return Err(LocalPolicyError::BadLimit);
-        }
-        Footprint::new(&self.footprint).map(|_| ()).ok_or(LocalPolicyError::BadFootprint)
-    }
-}
+use super::policy_config::{LocalPolicyConfig, LocalPolicyError};
 
 /// What the policy is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -143,12 +56,12 @@ enum Mode {
 /// The policy with its memory: last command, mode, and how long it has not moved.
 #[derive(Debug, Clone)]
 pub struct LocalPolicy {
-    config: LocalPolicyConfig,
-    footprint: Footprint,
-    field: ObstacleField,
-    ramp: Ramp,
+    pub(super) config: LocalPolicyConfig,
+    pub(super) footprint: Footprint,
+    pub(super) field: ObstacleField,
+    pub(super) ramp: Ramp,
     mode: Mode,
-    last: Twist,
+    pub(super) last: Twist,
     anchor: Option<Pose>,
     idle_s: f64,
     blocked_count: u32,
@@ -170,7 +83,10 @@ impl LocalPolicy {
     pub fn new(config: LocalPolicyConfig) -> Result<LocalPolicy, LocalPolicyError> {
         config.validate()?;
         let footprint = Footprint::new(&config.footprint).ok_or(LocalPolicyError::BadFootprint)?;
-        let ramp = Ramp { accel_mps2: config.max_accel_mps2, yaw_accel_radps2: config.max_yaw_accel_radps2 };
+        let ramp = Ramp {
+            accel_mps2: config.max_accel_mps2,
+            yaw_accel_radps2: config.max_yaw_accel_radps2,
+        };
         Ok(LocalPolicy {
             config,
             footprint,
@@ -195,12 +111,28 @@ impl LocalPolicy {
         final_heading: Option<f64>,
         obstacles_in_world: &[Point2<f32>],
     ) -> LocalCommand {
-        let numbers = [pose.0, pose.1, pose.2, velocity.0, velocity.1, velocity.2, final_heading.unwrap_or(0.0)];
+        let numbers = [
+            pose.0,
+            pose.1,
+            pose.2,
+            velocity.0,
+            velocity.1,
+            velocity.2,
+            final_heading.unwrap_or(0.0),
+        ];
         if numbers.iter().any(|v| !v.is_finite()) {
             return self.brake_blindly();
         }
-        let pose = Pose { x: pose.0, y: pose.1, yaw: pose.2 };
-        let now = self.velocity_now(&Twist { vx: velocity.0, vy: velocity.1, w: velocity.2 });
+        let pose = Pose {
+            x: pose.0,
+            y: pose.1,
+            yaw: pose.2,
+        };
+        let now = self.velocity_now(&Twist {
+            vx: velocity.0,
+            vy: velocity.1,
+            w: velocity.2,
+        });
         let clearance_m = self.look(&pose, &now, obstacles_in_world);
         let (target, status) = if path.is_empty() {
             (self.align(&pose, &now, final_heading), LocalStatus::Arrived)
@@ -210,12 +142,22 @@ impl LocalPolicy {
             return self.brake_blindly();
         };
         self.last = target;
-        LocalCommand { vx: target.vx, vy: target.vy, yaw_rate: target.w, status, clearance_m, blocked_count: self.blocked_count }
+        LocalCommand {
+            vx: target.vx,
+            vy: target.vy,
+            yaw_rate: target.w,
+            status,
+            clearance_m,
+            blocked_count: self.blocked_count,
+        }
     }
 
     /// The velocity the base is about to have: the last command where the measurement lags behind it, else the measurement.
     fn velocity_now(&self, measured: &Twist) -> Twist {
-        let lag = Ramp { accel_mps2: self.ramp.accel_mps2 * 0.25, yaw_accel_radps2: self.ramp.yaw_accel_radps2 * 0.25 };
+        let lag = Ramp {
+            accel_mps2: self.ramp.accel_mps2 * 0.25,
+            yaw_accel_radps2: self.ramp.yaw_accel_radps2 * 0.25,
+        };
         lag.toward(measured, &self.last, 1.0)
     }
 
@@ -223,20 +165,41 @@ impl LocalPolicy {
         let c = &self.config;
         let speed = c.max_speed_mps.max(now.vx.hypot(now.vy));
         let stop_m = 0.5 * speed * speed / c.max_accel_mps2 + speed * c.period_s;
-        let reach_m = stop_m.max(speed * c.horizon_s) + self.footprint.circumscribed_radius_m + c.slow_clearance_m;
-        self.field.update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
-        self.field.set_required(&self.footprint, pose, c.margin_m, c.slow_clearance_m.max(0.5))
+        let reach_m = stop_m.max(speed * c.horizon_s)
+            + self.footprint.circumscribed_radius_m
+            + c.slow_clearance_m;
+        self.field
+            .update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
+        self.field.set_required(
+            &self.footprint,
+            pose,
+            c.margin_m,
+            c.slow_clearance_m.max(0.5),
+        )
     }
 
-    fn choose(&mut self, pose: &Pose, now: &Twist, path: &Path, final_heading: Option<f64>, clearance_m: f64) -> (Twist, LocalStatus) {
+    fn choose(
+        &mut self,
+        pose: &Pose,
+        now: &Twist,
+        path: &Path,
+        final_heading: Option<f64>,
+        clearance_m: f64,
+    ) -> (Twist, LocalStatus) {
         let p = Point2::new(pose.x, pose.y);
         let to_end = path.end() - p;
         let (s, _) = path.project(&p);
         let remaining = (path.length() - s).max(to_end.norm());
-        if to_end.norm() <= self.config.goal_tolerance_m && path.length() - s <= 2.0 * self.config.goal_tolerance_m {
+        if to_end.norm() <= self.config.goal_tolerance_m
+            && path.length() - s <= 2.0 * self.config.goal_tolerance_m
+        {
             self.rest();
             let error = final_heading.map_or(0.0, |h| wrap(h - pose.yaw));
-            let status = if error.abs() <= self.config.heading_tolerance_rad { LocalStatus::Arrived } else { LocalStatus::Turning };
+            let status = if error.abs() <= self.config.heading_tolerance_rad {
+                LocalStatus::Arrived
+            } else {
+                LocalStatus::Turning
+            };
             return (self.align(pose, now, final_heading), status);
         }
         self.watch(pose);
@@ -245,17 +208,24 @@ impl LocalPolicy {
         }
         if remaining < APPROACH_M && self.config.max_lateral_speed_mps > 0.0 {
             let wanted = self.approach(pose, &to_end, final_heading);
-            return (self.first_safe(pose, now, &[wanted, Twist { w: 0.0, ..wanted }]), LocalStatus::Driving);
+            return (
+                self.first_safe(pose, now, &[wanted, Twist { w: 0.0, ..wanted }]),
+                LocalStatus::Driving,
+            );
         }
         // In the narrow the corner is not to be cut.
-        let ahead = self.config.lookahead_m * (clearance_m / self.config.slow_clearance_m).clamp(0.5, 1.0);
+        let ahead =
+            self.config.lookahead_m * (clearance_m / self.config.slow_clearance_m).clamp(0.5, 1.0);
         let carrot = path.toward(&p, s, ahead);
         let error = wrap(carrot.y.atan2(carrot.x) - pose.yaw);
         self.decide_to_turn(error);
         if let Mode::Turn { direction } = self.mode {
             return (self.turn(pose, now, error, direction), LocalStatus::Turning);
         }
-        (self.follow(pose, now, path, s, error, remaining, clearance_m), LocalStatus::Driving)
+        (
+            self.follow(pose, now, path, s, error, remaining, clearance_m),
+            LocalStatus::Driving,
+        )
     }
 
     /// Keeps track of how long the robot has not got anywhere. Turning on the spot counts a third.
@@ -263,7 +233,11 @@ impl LocalPolicy {
         let travelled = |a: &Pose| (pose.x - a.x).hypot(pose.y - a.y);
         match self.anchor {
             Some(anchor) if travelled(&anchor) < 0.12 => {
-                let weight = if matches!(self.mode, Mode::Turn { .. }) { 0.33 } else { 1.0 };
+                let weight = if matches!(self.mode, Mode::Turn { .. }) {
+                    0.33
+                } else {
+                    1.0
+                };
                 if matches!(self.mode, Mode::Follow | Mode::Turn { .. }) {
                     self.idle_s += weight * self.config.period_s;
                 }
@@ -292,11 +266,23 @@ impl LocalPolicy {
         let dt = self.config.period_s;
         match self.mode {
             Mode::Hold { left_s } => {
-                self.mode = if left_s > dt { Mode::Hold { left_s: left_s - dt } } else { Mode::Recover { left_s: RECOVER_S } };
+                self.mode = if left_s > dt {
+                    Mode::Hold {
+                        left_s: left_s - dt,
+                    }
+                } else {
+                    Mode::Recover { left_s: RECOVER_S }
+                };
                 Some((self.first_safe(pose, now, &[]), LocalStatus::Blocked))
             }
             Mode::Recover { left_s } => {
-                self.mode = if left_s > dt { Mode::Recover { left_s: left_s - dt } } else { Mode::Follow };
+                self.mode = if left_s > dt {
+                    Mode::Recover {
+                        left_s: left_s - dt,
+                    }
+                } else {
+                    Mode::Follow
+                };
                 let target = self.recovery(pose, now);
                 Some((target, LocalStatus::Recovering))
             }
@@ -307,20 +293,52 @@ impl LocalPolicy {
     /// Ways out in a fixed order that starts elsewhere after every failure: back, turn left, turn right, sideways.
     fn recovery(&self, pose: &Pose, now: &Twist) -> Twist {
         let c = &self.config;
-        let (back, side, w) = (c.max_reverse_speed_mps.min(0.2), c.max_lateral_speed_mps.min(0.15), 0.6 * c.max_yaw_rate_radps);
+        let (back, side, w) = (
+            c.max_reverse_speed_mps.min(0.2),
+            c.max_lateral_speed_mps.min(0.15),
+            0.6 * c.max_yaw_rate_radps,
+        );
         let ways = [
-            Twist { vx: -back, ..Twist::default() },
-            Twist { w, ..Twist::default() },
-            Twist { vy: side, ..Twist::default() },
-            Twist { vx: -back, w: 0.5 * w, ..Twist::default() },
-            Twist { w: -w, ..Twist::default() },
-            Twist { vy: -side, ..Twist::default() },
-            Twist { vx: -back, w: -0.5 * w, ..Twist::default() },
+            Twist {
+                vx: -back,
+                ..Twist::default()
+            },
+            Twist {
+                w,
+                ..Twist::default()
+            },
+            Twist {
+                vy: side,
+                ..Twist::default()
+            },
+            Twist {
+                vx: -back,
+                w: 0.5 * w,
+                ..Twist::default()
+            },
+            Twist {
+                w: -w,
+                ..Twist::default()
+            },
+            Twist {
+                vy: -side,
+                ..Twist::default()
+            },
+            Twist {
+                vx: -back,
+                w: -0.5 * w,
+                ..Twist::default()
+            },
         ];
         let shift = (self.blocked_count as usize).saturating_sub(1) * 2;
-        let ordered: Vec<Twist> = (0..ways.len()).map(|k| ways[(k + shift) % ways.len()]).collect();
+        let ordered: Vec<Twist> = (0..ways.len())
+            .map(|k| ways[(k + shift) % ways.len()])
+            .collect();
         // Prefer a way that stays free for a second; it is then kept by the same rule in the next cycle.
-        let lasting = ordered.iter().find(|way| self.roll_out(pose, now, way, 1.0).hit_s.is_none()).copied();
+        let lasting = ordered
+            .iter()
+            .find(|way| self.roll_out(pose, now, way, 1.0, None).hit_s.is_none())
+            .copied();
         let list: Vec<Twist> = lasting.into_iter().chain(ordered).collect();
         self.first_safe(pose, now, &list)
     }
@@ -330,8 +348,12 @@ impl LocalPolicy {
             Mode::Turn { .. } if error.abs() < TURN_BELOW_RAD => Mode::Follow,
             // Keep the direction while the error is about half a turn, where its sign means nothing.
             Mode::Turn { direction } if error.abs() > 2.6 => Mode::Turn { direction },
-            Mode::Turn { .. } => Mode::Turn { direction: error.signum() },
-            _ if error.abs() > TURN_ABOVE_RAD => Mode::Turn { direction: error.signum() },
+            Mode::Turn { .. } => Mode::Turn {
+                direction: error.signum(),
+            },
+            _ if error.abs() > TURN_ABOVE_RAD => Mode::Turn {
+                direction: error.signum(),
+            },
             other => other,
         };
     }
@@ -339,18 +361,48 @@ impl LocalPolicy {
     /// Turns on the spot; where the body has no room for it, tries the other way round and small shifts.
     fn turn(&self, pose: &Pose, now: &Twist, error: f64, direction: f64) -> Twist {
         let c = &self.config;
-        let rate = (2.0 * error.abs()).min((2.0 * 0.7 * c.max_yaw_accel_radps2 * error.abs()).sqrt()).min(c.max_yaw_rate_radps);
+        let rate = (2.0 * error.abs())
+            .min((2.0 * 0.7 * c.max_yaw_accel_radps2 * error.abs()).sqrt())
+            .min(c.max_yaw_rate_radps);
         let w = direction * rate.max(0.15_f64.min(c.max_yaw_rate_radps));
         let (vx, vy) = (0.3 * c.max_reverse_speed_mps, 0.5 * c.max_lateral_speed_mps);
         let ways = [
-            Twist { w, ..Twist::default() },
-            Twist { vy, w, ..Twist::default() },
-            Twist { vy: -vy, w, ..Twist::default() },
-            Twist { vx, w, ..Twist::default() },
-            Twist { vx: -vx, w, ..Twist::default() },
+            Twist {
+                w,
+                ..Twist::default()
+            },
+            Twist {
+                vy,
+                w,
+                ..Twist::default()
+            },
+            Twist {
+                vy: -vy,
+                w,
+                ..Twist::default()
+            },
+            Twist {
+                vx,
+                w,
+                ..Twist::default()
+            },
+            Twist {
+                vx: -vx,
+                w,
+                ..Twist::default()
+            },
         ];
-        let lasting = ways.iter().find(|way| self.roll_out(pose, now, way, 0.6).hit_s.is_none()).copied();
-        let list: Vec<Twist> = lasting.into_iter().chain([Twist { w: -w, ..Twist::default() }]).collect();
+        let lasting = ways
+            .iter()
+            .find(|way| self.roll_out(pose, now, way, 0.6, None).hit_s.is_none())
+            .copied();
+        let list: Vec<Twist> = lasting
+            .into_iter()
+            .chain([Twist {
+                w: -w,
+                ..Twist::default()
+            }])
+            .collect();
         self.first_safe(pose, now, &list)
     }
 
@@ -359,15 +411,31 @@ impl LocalPolicy {
         let c = &self.config;
         let (sin, cos) = pose.yaw.sin_cos();
         let distance = to_end.norm();
-        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance).sqrt().min(c.max_speed_mps).min(1.5 * distance);
+        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance)
+            .sqrt()
+            .min(c.max_speed_mps)
+            .min(1.5 * distance);
         let direction = to_end / distance.max(1e-9);
-        let (fx, fy) = (cos * direction.x + sin * direction.y, cos * direction.y - sin * direction.x);
-        let limit_x = if fx >= 0.0 { c.max_speed_mps } else { c.max_reverse_speed_mps };
+        let (fx, fy) = (
+            cos * direction.x + sin * direction.y,
+            cos * direction.y - sin * direction.x,
+        );
+        let limit_x = if fx >= 0.0 {
+            c.max_speed_mps
+        } else {
+            c.max_reverse_speed_mps
+        };
         // One common factor keeps the direction.
-        let share = (limit_x / (speed * fx).abs().max(1e-9)).min(c.max_lateral_speed_mps / (speed * fy).abs().max(1e-9)).min(1.0);
+        let share = (limit_x / (speed * fx).abs().max(1e-9))
+            .min(c.max_lateral_speed_mps / (speed * fy).abs().max(1e-9))
+            .min(1.0);
         let error = final_heading.map_or(0.0, |h| wrap(h - pose.yaw));
         let w = (1.5 * error).clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps);
-        Twist { vx: speed * fx * share, vy: speed * fy * share, w }
+        Twist {
+            vx: speed * fx * share,
+            vy: speed * fy * share,
+            w,
+        }
     }
 
     /// Stands and turns to the final heading.
@@ -377,93 +445,30 @@ impl LocalPolicy {
         if error.abs() <= 0.5 * c.heading_tolerance_rad {
             return self.first_safe(pose, now, &[]);
         }
-        let rate = (1.5 * error.abs()).min((1.4 * c.max_yaw_accel_radps2 * error.abs()).sqrt()).min(c.max_yaw_rate_radps);
-        let way = Twist { w: rate * error.signum(), ..Twist::default() };
+        let rate = (1.5 * error.abs())
+            .min((1.4 * c.max_yaw_accel_radps2 * error.abs()).sqrt())
+            .min(c.max_yaw_rate_radps);
+        let way = Twist {
+            w: rate * error.signum(),
+            ..Twist::default()
+        };
         self.first_safe(pose, now, &[way, Twist { w: -way.w, ..way }])
     }
 
-    /// The lattice of arcs round pure pursuit.
-    #[allow(clippy::too_many_arguments)]
-    fn follow(&self, pose: &Pose, now: &Twist, path: &Path, s: f64, error: f64, remaining: f64, clearance_m: f64) -> Twist {
-        let c = &self.config;
-        let nearness = ((clearance_m - c.margin_m) / c.slow_clearance_m).clamp(0.3, 1.0);
-        let straightness = (1.0 - error.abs() / 1.3).max(0.15);
-        let wanted = (c.max_speed_mps * nearness * straightness).min((1.4 * c.max_accel_mps2 * remaining).sqrt()).max(0.05);
-        let pursuit = 2.0 * error.sin() / c.lookahead_m;
-        let mut ways: Vec<(f64, Twist)> = Vec::with_capacity(64);
-        for share in [1.0, 0.6, 0.3] {
-            for offset in [0.0, 0.2, -0.2, 0.45, -0.45, 0.8, -0.8, 1.2, -1.2] {
-                let vx = wanted * share;
-                // At low speed pure pursuit hardly turns; follow the heading error as well.
-                let w = (pursuit * vx + 0.8 * error + offset * c.max_yaw_rate_radps).clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps);
-                ways.push((0.0, Twist { vx, vy: 0.0, w }));
-            }
-        }
-        let vy = 0.7 * c.max_lateral_speed_mps;
-        if vy > 0.0 {
-            for share in [0.0, 0.4] {
-                for side in [vy, -vy] {
-                    let vx = wanted * share;
-                    ways.push((0.0, Twist { vx, vy: side, w: (pursuit * vx + 0.8 * error).clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps) }));
-                }
-            }
-        }
-        for w in [0.6, -0.6] {
-            ways.push((0.0, Twist { w: w * c.max_yaw_rate_radps, ..Twist::default() }));
-        }
-        ways.push((0.0, Twist::default()));
-        for way in &mut ways {
-            way.0 = self.cost(pose, now, &way.1, path, s, wanted);
-        }
-        // Stable: ties keep the order of the lattice, pure pursuit first.
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let list: Vec<Twist> = ways.into_iter().map(|(_, twist)| twist).collect();
-        self.first_safe(pose, now, &list)
-    }
-
-    /// Lower is better; all terms are about 1 when bad.
-    fn cost(&self, pose: &Pose, now: &Twist, way: &Twist, path: &Path, s: f64, wanted: f64) -> f64 {
-        let c = &self.config;
-        let roll = self.roll_out(pose, now, way, c.horizon_s);
-        let end = Point2::new(roll.end.x, roll.end.y);
-        let (s_end, off_path) = path.project(&end);
-        let progress = (s_end - s) / (wanted * c.horizon_s);
-        let onward = path.toward(&end, s_end, c.lookahead_m);
-        let heading = if onward.norm() > 0.1 { wrap(onward.y.atan2(onward.x) - roll.end.yaw).abs() } else { 0.0 };
-        let near = ((c.slow_clearance_m - roll.clearance_bound_m) / c.slow_clearance_m).clamp(0.0, 1.5);
-        let hit = roll.hit_s.map_or(0.0, |t| 2.0 + 2.0 * (1.0 - t / c.horizon_s));
-        let change = (way.w - self.last.w).abs() / c.max_yaw_rate_radps + (way.vy - self.last.vy).abs();
-        1.5 * (1.0 - progress.clamp(-1.0, 1.0)) + 2.0 * off_path + 0.4 * heading + 1.2 * near * near + hit + 0.08 * change
-    }
-
-    /// Where `way` leads within `time_s`, up to the first contact.
-    fn roll_out(&self, pose: &Pose, now: &Twist, way: &Twist, time_s: f64) -> RollOut {
-        let steps = 12;
-        let dt_s = time_s / f64::from(steps);
-        let mut roll = RollOut { end: *pose, hit_s: None, clearance_bound_m: f64::INFINITY };
-        let mut twist = *now;
-        for k in 0..steps {
-            let before = twist;
-            twist = self.ramp.toward(&twist, way, dt_s);
-            let mean = Twist { vx: 0.5 * (before.vx + twist.vx), vy: 0.5 * (before.vy + twist.vy), w: 0.5 * (before.w + twist.w) };
-            let next = advance(&roll.end, &mean, dt_s);
-            let bound = self.field.clearance_bound(&self.footprint, &next);
-            if bound <= self.config.margin_m && !self.field.is_free(&self.footprint, &next, self.config.margin_m) {
-                roll.hit_s = Some(f64::from(k) * dt_s);
-                return roll;
-            }
-            roll.clearance_bound_m = roll.clearance_bound_m.min(bound);
-            roll.end = next;
-        }
-        roll
-    }
-
     /// The first of the wanted velocities whose first step can be followed by a stop; else the brake itself.
-    fn first_safe(&self, pose: &Pose, now: &Twist, wanted: &[Twist]) -> Twist {
+    pub(super) fn first_safe(&self, pose: &Pose, now: &Twist, wanted: &[Twist]) -> Twist {
         let c = &self.config;
         for target in wanted {
             let first = self.ramp.toward(now, target, c.period_s);
-            if can_stop(&self.field, &self.footprint, c.margin_m, &self.ramp, c.period_s, pose, &first) {
+            if can_stop(
+                &self.field,
+                &self.footprint,
+                c.margin_m,
+                &self.ramp,
+                c.period_s,
+                pose,
+                &first,
+            ) {
                 return first;
             }
         }
@@ -471,22 +476,27 @@ impl LocalPolicy {
     }
 
     fn brake_blindly(&mut self) -> LocalCommand {
-        self.last = self.ramp.toward(&self.last, &Twist::default(), self.config.period_s);
+        self.last = self
+            .ramp
+            .toward(&self.last, &Twist::default(), self.config.period_s);
         let Twist { vx, vy, w } = self.last;
-        LocalCommand { vx, vy, yaw_rate: w, status: LocalStatus::Blocked, clearance_m: 0.0, blocked_count: self.blocked_count }
+        LocalCommand {
+            vx,
+            vy,
+            yaw_rate: w,
+            status: LocalStatus::Blocked,
+            clearance_m: 0.0,
+            blocked_count: self.blocked_count,
+        }
     }
 }
 
-/// The outcome of one arc.
-#[derive(Debug, Clone, Copy)]
-struct RollOut {
-    end: Pose,
-    hit_s: Option<f64>,
-    clearance_bound_m: f64,
-}
-
 /// An angle in (-pi, pi].
-fn wrap(angle: f64) -> f64 {
+pub(super) fn wrap(angle: f64) -> f64 {
     let turned = angle.rem_euclid(std::f64::consts::TAU);
-    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
+    if turned > std::f64::consts::PI {
+        turned - std::f64::consts::TAU
+    } else {
+        turned
+    }
 }

@@ -41,8 +41,15 @@ pub(crate) struct ObstacleField {
 impl ObstacleField {
     /// Reads the points in reach of the robot; does nothing if they are the same as last time and the robot has moved
     /// less than `spare_m`.
-    pub fn update(&mut self, points: &[Point2<f32>], centre: &Point2<f64>, reach_m: f64, spare_m: f64) {
-        let near = (self.centre - centre).abs().max() <= spare_m && self.half_m >= reach_m + spare_m;
+    pub fn update(
+        &mut self,
+        points: &[Point2<f32>],
+        centre: &Point2<f64>,
+        reach_m: f64,
+        spare_m: f64,
+    ) {
+        let near =
+            (self.centre - centre).abs().max() <= spare_m && self.half_m >= reach_m + spare_m;
         if near && !self.start.is_empty() && self.source == points {
             return;
         }
@@ -61,7 +68,8 @@ impl ObstacleField {
         let (low, n) = (self.low, self.buckets);
         let bucket = |p: &[f64; 2]| {
             let (bx, by) = ((p[0] - low.x) / BUCKET_M, (p[1] - low.y) / BUCKET_M);
-            (bx >= 0.0 && by >= 0.0 && bx < n as f64 && by < n as f64).then(|| by as usize * n + bx as usize)
+            (bx >= 0.0 && by >= 0.0 && bx < n as f64 && by < n as f64)
+                .then(|| by as usize * n + bx as usize)
         };
         // Non-finite points fall outside every bucket and are skipped.
         let all: Vec<([f64; 2], usize)> = self
@@ -91,18 +99,30 @@ impl ObstacleField {
         let n = self.cells;
         let mut occupied = vec![false; n * n];
         for p in &self.points {
-            let (i, j) = (((p[0] - self.low.x) / CELL_M) as usize, ((p[1] - self.low.y) / CELL_M) as usize);
+            let (i, j) = (
+                ((p[0] - self.low.x) / CELL_M) as usize,
+                ((p[1] - self.low.y) / CELL_M) as usize,
+            );
             if i < n && j < n {
                 occupied[j * n + i] = true;
             }
         }
-        self.distance_m = squared_distances(n, n, |i, j| occupied[j * n + i]).into_iter().map(|d| (f64::from(d).sqrt() * CELL_M) as f32).collect();
+        self.distance_m = squared_distances(n, n, |i, j| occupied[j * n + i])
+            .into_iter()
+            .map(|d| (f64::from(d).sqrt() * CELL_M) as f32)
+            .collect();
     }
 
     /// Sets what every point must keep from the footprint: `margin_m`, or its present distance where that is less, so
     /// that a robot that starts too near may leave but not come nearer. Returns the present Euclidean clearance, at
     /// most `reach_m`.
-    pub fn set_required(&mut self, footprint: &Footprint, pose: &Pose, margin_m: f64, reach_m: f64) -> f64 {
+    pub fn set_required(
+        &mut self,
+        footprint: &Footprint,
+        pose: &Pose,
+        margin_m: f64,
+        reach_m: f64,
+    ) -> f64 {
         for k in self.tightened.drain(..) {
             self.required[k as usize] = f64::INFINITY;
         }
@@ -136,11 +156,15 @@ impl ObstacleField {
         }
         let (sin, cos) = pose.yaw.sin_cos();
         // Mitred corners reach at most sqrt(2) margins out for corners of 90 degrees and more.
-        self.for_near(pose, footprint.circumscribed_radius_m + 1.5 * margin_m, |k, p| {
-            let (dx, dy) = (p[0] - pose.x, p[1] - pose.y);
-            let side = footprint.side_distance(cos * dx + sin * dy, cos * dy - sin * dx);
-            side >= margin_m.min(self.required[k])
-        })
+        self.for_near(
+            pose,
+            footprint.circumscribed_radius_m + 1.5 * margin_m,
+            |k, p| {
+                let (dx, dy) = (p[0] - pose.x, p[1] - pose.y);
+                let side = footprint.side_distance(cos * dx + sin * dy, cos * dy - sin * dx);
+                side >= margin_m.min(self.required[k])
+            },
+        )
     }
 
     /// A lower bound of the distance between the footprint and the nearest point; may be negative.
@@ -148,18 +172,28 @@ impl ObstacleField {
         let (sin, cos) = pose.yaw.sin_cos();
         let mut least = f64::INFINITY;
         for d in &footprint.discs {
-            let (x, y) = (pose.x + cos * d.x - sin * d.y, pose.y + sin * d.x + cos * d.y);
+            let (x, y) = (
+                pose.x + cos * d.x - sin * d.y,
+                pose.y + sin * d.x + cos * d.y,
+            );
             let (i, j) = ((x - self.low.x) / CELL_M, (y - self.low.y) / CELL_M);
             if !(i >= 0.0 && j >= 0.0 && i < self.cells as f64 && j < self.cells as f64) {
                 continue;
             }
-            least = least.min(f64::from(self.distance_m[j as usize * self.cells + i as usize]));
+            least = least.min(f64::from(
+                self.distance_m[j as usize * self.cells + i as usize],
+            ));
         }
         least - footprint.disc_radius_m - SLACK_M
     }
 
     /// Calls `visit` for the points in a square round the pose until it returns false; whether it never did.
-    fn for_near(&self, pose: &Pose, reach_m: f64, mut visit: impl FnMut(usize, &[f64; 2]) -> bool) -> bool {
+    fn for_near(
+        &self,
+        pose: &Pose,
+        reach_m: f64,
+        mut visit: impl FnMut(usize, &[f64; 2]) -> bool,
+    ) -> bool {
         if self.points.is_empty() {
             return true;
         }
