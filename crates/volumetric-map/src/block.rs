@@ -82,7 +82,7 @@ pub(crate) struct Block {
     pub links: [u32; 6],
     /// Weight >= min_weight.
     pub known: VoxelSet,
-    /// Known, and the centre at most a quarter voxel in front of a surface.
+    /// Known, and the centre at most a quarter voxel in front of a surface (0.45 if it was occupied before).
     pub occupied: VoxelSet,
     /// Observed, and within four fifths of the truncation of a surface: looking through needs a second thought.
     pub near_surface: VoxelSet,
@@ -141,32 +141,28 @@ impl Block {
         true
     }
 
-    /// Recomputes the bit sets from distances and weights; notes the revision if the map's answer changed.
-    pub fn refresh(&mut self, thresholds: &Thresholds, revision: u32) {
-        let mut all = u64::MAX;
+    /// Recomputes the bit sets of the given layers from distances and weights; notes the revision if the map's answer changed.
+    pub fn refresh(&mut self, layers: impl Fn(usize) -> bool, thresholds: &Thresholds, revision: u32) {
         let mut changed = false;
-        for z in 0..8 {
-            let mut known = 0u64;
-            let mut inside = 0u64;
-            let mut near = 0u64;
-            let mut settled = 0u64;
-            for bit in 0..64 {
-                let weight = self.weight[z * 64 + bit];
-                let distance = self.distance[z * 64 + bit];
-                known |= u64::from(weight >= thresholds.min_weight) << bit;
-                inside |= u64::from(distance < thresholds.occupied_below) << bit;
-                near |= u64::from(weight > 0 && distance < thresholds.near_below) << bit;
-                settled |= u64::from(weight >= thresholds.settled_weight && distance >= thresholds.settled_above) << bit;
-            }
-            let occupied = known & inside;
-            self.near_surface[z] = near;
+        for z in (0..8).filter(|z| layers(*z)) {
+            let weights: &[u8; 64] = self.weight[z * 64..][..64].try_into().expect("a layer has 64 voxels");
+            let distances: &[i16; 64] = self.distance[z * 64..][..64].try_into().expect("a layer has 64 voxels");
+            let known = bits(|i| weights[i] >= thresholds.min_weight);
+            let observed = bits(|i| weights[i] > 0);
+            let inside = bits(|i| distances[i] < thresholds.occupied_below);
+            let still_inside = bits(|i| distances[i] < thresholds.occupied_until);
+            let near = bits(|i| distances[i] < thresholds.near_below);
+            let firm = bits(|i| weights[i] >= thresholds.settled_weight);
+            let far = bits(|i| distances[i] >= thresholds.settled_above);
+            // Hysteresis: range noise must not flip voxels at the border, and all that hangs on them, with every scan.
+            let occupied = known & (inside | still_inside & self.occupied[z]);
             changed |= known != self.known[z] || occupied != self.occupied[z];
             self.known[z] = known;
             self.occupied[z] = occupied;
-            self.settled[z] = settled;
-            all &= settled;
+            self.near_surface[z] = observed & near;
+            self.settled[z] = firm & far;
         }
-        self.all_settled = all == u64::MAX;
+        self.all_settled = self.settled == [u64::MAX; 8];
         if changed {
             self.occupancy_revision = revision;
         }
@@ -200,6 +196,20 @@ impl Block {
     }
 }
 
+/// One bit for each of 64 answers, eight at a time so that the compiler can use vector compares.
+#[inline]
+fn bits(answer: impl Fn(usize) -> bool) -> u64 {
+    let mut word = 0u64;
+    for group in 0..8 {
+        let mut byte = 0u8;
+        for bit in 0..8 {
+            byte |= u8::from(answer(8 * group + bit)) << bit;
+        }
+        word |= u64::from(byte) << (8 * group);
+    }
+    word
+}
+
 /// The weight left to a "free" that a return contradicts: half a dozen returns close a voxel.
 const CONTRADICTION_WEIGHT: u8 = 1;
 
@@ -214,6 +224,8 @@ pub(crate) struct Thresholds {
     /// Occupied below this: a quarter of a voxel, so that an occupied cell sticks out of the true surface by at most three
     /// quarters of a voxel, and a surface on the border of two voxels does not flicker with the noise.
     pub occupied_below: i16,
+    /// An occupied voxel stays so up to this: less than half a voxel, so it sticks out by less than one.
+    pub occupied_until: i16,
     pub near_below: i16,
     pub contradiction_above: f32,
     pub contradiction_below: f32,
@@ -237,6 +249,7 @@ impl Thresholds {
             settled_weight: (2 * config.clear_weight).min(config.max_weight).max(config.min_weight),
             settled_above: (0.98 * f64::from(DISTANCE_ONE)) as i16,
             occupied_below: (0.25 * config.voxel_m * units_per_m) as i16,
+            occupied_until: (0.45 * config.voxel_m * units_per_m) as i16,
             near_below: (0.8 * f64::from(DISTANCE_ONE)) as i16,
             contradiction_above: 0.35 * f32::from(DISTANCE_ONE),
             contradiction_below: (config.voxel_m.min(0.4 * config.truncation_m) * units_per_m) as f32,
@@ -266,25 +279,25 @@ mod tests {
         for _ in 0..50 {
             block.observe_distance(0, inside, &thresholds);
         }
-        block.refresh(&thresholds, 1);
+        block.refresh(|_| true, &thresholds, 1);
         assert!(contains(&block.occupied, 0) && block.weight[0] == 20);
         let mut scans = 0;
         while contains(&block.occupied, 0) {
             block.observe_free(0, &thresholds);
-            block.refresh(&thresholds, 2);
+            block.refresh(|_| true, &thresholds, 2);
             scans += 1;
         }
-        // By hand: -0.05 -> -0.0038 -> 0.0317, the threshold is 0.0125.
+        // By hand: -0.05 -> -0.0038 -> 0.0317, an occupied voxel stays so up to 0.0225.
         assert_eq!(scans, 2);
         for _ in 0..50 {
             block.observe_free(0, &thresholds);
         }
-        block.refresh(&thresholds, 3);
+        block.refresh(|_| true, &thresholds, 3);
         assert!(contains(&block.settled, 0));
         let mut returns = 0;
         while !contains(&block.occupied, 0) {
             block.observe_distance(0, 0.0, &thresholds);
-            block.refresh(&thresholds, 4);
+            block.refresh(|_| true, &thresholds, 4);
             returns += 1;
         }
         // By hand: 0.15 -> 0.075 -> 0.0375 with weight one, then a mean: 0.025, 0.019, 0.015, 0.0125 (rounded down).

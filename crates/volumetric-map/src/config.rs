@@ -24,7 +24,8 @@ pub struct VolumeConfig {
     pub clear_weight: u8,
     /// Observations before a voxel counts as known. Default 2: a lone stray return makes no obstacle.
     pub min_weight: u8,
-    /// Of the rays that end in different voxels, every n-th clears the free space before it. Default 1.
+    /// Of the rays that end in different voxels, every n-th clears the free space before it; the turn goes round from scan to scan.
+    /// Default 2.
     pub clear_every: usize,
     /// No block is made beyond this number; what falls outside is counted in the report. Default 60 000
     /// (a block is 0.4 m wide and takes about 2 kB, so 120 MB).
@@ -42,7 +43,7 @@ impl Default for VolumeConfig {
             max_weight: 20,
             clear_weight: 6,
             min_weight: 2,
-            clear_every: 1,
+            clear_every: 2,
             max_blocks: 60_000,
         }
     }

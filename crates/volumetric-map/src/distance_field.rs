@@ -241,14 +241,15 @@ impl DistanceField {
         let (old_low, old_size) = (self.low, self.size);
         let first = |axis: usize| old_low[axis] / cells_per_block;
         let last = |axis: usize| first(axis) + old_size[axis] as i32 / cells_per_block - 1;
-        if !is_other && (0..3).all(|axis| first(axis) <= low[axis] && high[axis] <= last(axis)) {
+        if !is_other && (0..3).all(|axis| first(axis) < low[axis] && high[axis] < last(axis)) {
             return;
         }
         report.is_rebuilt = true;
         for axis in 0..3 {
-            let margin = if axis == 2 { 1 } else { 8 };
-            let keep_low = !is_other && first(axis) <= low[axis];
-            let keep_high = !is_other && last(axis) >= high[axis];
+            // At least one block of unknown space all round: cells on the border of the grid are never free.
+            let margin = if axis == 2 { 1 } else { 5 };
+            let keep_low = !is_other && first(axis) < low[axis];
+            let keep_high = !is_other && last(axis) > high[axis];
             let from = if keep_low { first(axis) } else { low[axis] - margin };
             let to = if keep_high { last(axis) } else { high[axis] + margin };
             self.low[axis] = from * cells_per_block;

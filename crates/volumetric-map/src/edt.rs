@@ -70,7 +70,7 @@ impl Envelope {
             let end = self.parts.get(rank + 1).map_or(length as i64, |next| next.2);
             for x in *first..end {
                 let d = x - site;
-                visit(x as usize, (d * d + value) as u32, *site as usize);
+                visit(x as usize, (d * d + value).min(i64::from(FAR) - 1) as u32, *site as usize);
             }
         }
     }

@@ -14,7 +14,7 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
-use crate::ray::RayWalk;
+use crate::ray::{RayWalk, floor};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
 /// What one call of [`Volume::integrate`] did.
@@ -73,7 +73,9 @@ impl Volume {
             }
         }
         for id in &scan.touched {
-            self.blocks[*id as usize].refresh(&self.thresholds, self.revision);
+            let block = &mut self.blocks[*id as usize];
+            let pulled = block.in_band;
+            block.refresh(|z| pulled[z] != 0, &self.thresholds, self.revision);
         }
         for ray in rays.iter().filter(|ray| ray.is_clearing) {
             scan.report.clearing_rays += 1;
@@ -84,12 +86,16 @@ impl Volume {
         Ok(scan.report)
     }
 
-    /// Checks the points, marks the voxels that hold returns, and chooses the rays that shall clear: the first into each voxel.
+    /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
+    ///
+    /// The first return in a voxel does both; the others add nothing to a surface that is firmly known, and pull elsewhere.
+    /// With `clear_every` n a voxel's ray has its turn every n-th scan, on a checkerboard.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
         let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
-        let mut rays = Vec::with_capacity(points.len());
-        let mut end_voxels = 0usize;
+        let mut rays = Vec::with_capacity(points.len() / 2);
+        let turn = self.config.clear_every as i64;
+        let firm = self.config.max_weight / 2;
         for point in points {
             let offset = point.coords.cast::<f64>() * scale - scan.origin;
             let range = offset.norm();
@@ -101,28 +107,30 @@ impl Volume {
                 scan.report.too_near += 1;
                 continue;
             }
-            let mut ray = Ray { direction: offset / range, range, end: None, is_clearing: false };
-            let is_first = if range > far {
+            let direction = offset / range;
+            let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
+            let end: [i32; 3] = tip.map(floor).into();
+            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
+            if range > far {
                 scan.report.beyond_range += 1;
-                ray.range = far;
-                true
-            } else {
-                scan.report.integrated += 1;
-                let end: [i32; 3] = (scan.origin + offset).map(|q| q.floor() as i32).into();
-                ray.end = Some(end);
-                let id = self.enter(BlockKey::of_voxel(end), scan);
-                id != NONE && {
-                    let block = &mut self.blocks[id as usize];
-                    block.surface_revision = self.revision;
-                    let local = local_of(end);
-                    let is_first = !contains(&block.hit, local);
-                    insert(&mut block.hit, local);
-                    is_first
+                if is_turn {
+                    rays.push(Ray { direction, range: far, end: None, is_clearing: true });
                 }
-            };
-            end_voxels += usize::from(is_first);
-            ray.is_clearing = is_first && end_voxels.is_multiple_of(self.config.clear_every);
-            rays.push(ray);
+                continue;
+            }
+            scan.report.integrated += 1;
+            let id = self.enter(BlockKey::of_voxel(end), scan);
+            if id == NONE {
+                continue;
+            }
+            let block = &mut self.blocks[id as usize];
+            block.surface_revision = self.revision;
+            let local = local_of(end);
+            let is_first = !contains(&block.hit, local);
+            insert(&mut block.hit, local);
+            if is_first || !contains(&block.near_surface, local) || block.weight[local] < firm {
+                rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
+            }
         }
         rays
     }
@@ -243,12 +251,14 @@ impl Volume {
         for id in &scan.touched {
             let block = &mut self.blocks[*id as usize];
             let mut cleared = 0;
+            let mut layers = [false; 8];
             for z in 0..8 {
                 let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
                 if marked & block.occupied[z] != 0 {
                     block.surface_revision = self.revision;
                 }
                 cleared += marked.count_ones() as usize;
+                layers[z] = marked != 0;
                 while marked != 0 {
                     let local = z * 64 + marked.trailing_zeros() as usize;
                     marked &= marked - 1;
@@ -256,7 +266,7 @@ impl Volume {
                 }
             }
             if cleared > 0 {
-                block.refresh(&self.thresholds, self.revision);
+                block.refresh(|z| layers[z], &self.thresholds, self.revision);
                 scan.report.cleared_voxels += cleared;
             }
         }
@@ -280,14 +290,15 @@ impl Volume {
     }
 
     /// The block after the walk has crossed a border of `axis`.
-    #[inline]
+    #[inline(always)]
     fn follow(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
-        let forward = walk.step[axis] > 0;
-        if walk.index[axis] & 7 != if forward { 0 } else { 7 } {
-            return id;
-        }
+        let entered = if walk.step[axis] > 0 { 0 } else { 7 };
+        if walk.index[axis] & 7 == entered { self.next_block(id, walk, axis, scan) } else { id }
+    }
+
+    fn next_block(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
         if id != NONE {
-            let next = self.blocks[id as usize].links[2 * axis + usize::from(forward)];
+            let next = self.blocks[id as usize].links[2 * axis + usize::from(walk.step[axis] > 0)];
             if next != NONE {
                 return self.touch(next, scan);
             }

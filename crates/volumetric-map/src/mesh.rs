@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, contains, local_of};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, contains, local_of};
 use crate::volume::Volume;
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
@@ -36,7 +36,8 @@ pub struct MeshDelta {
 
 impl Volume {
     /// Brings the mesh up to date; looks only at blocks whose surface changed since the last call by more than a fifth of a voxel
-    /// (or whose labels did), and at the neighbours that share a cell with them.
+    /// (or whose labels did), and at the neighbours that share a cell with them. So a vertex may lag by a centimetre;
+    /// [`rebuild_mesh`](Self::rebuild_mesh) leaves nothing out.
     pub fn update_mesh(&mut self) -> MeshDelta {
         let mut stale = self.stale_blocks();
         stale.sort_unstable();
@@ -57,6 +58,12 @@ impl Volume {
         delta.vertices = self.mesh_cache.parts.iter().map(|p| p.1.vertices.len()).sum();
         delta.faces = 2 * self.mesh_cache.parts.iter().map(|p| p.1.quads.len()).sum::<usize>();
         delta
+    }
+
+    /// Makes the whole mesh anew.
+    pub fn rebuild_mesh(&mut self) -> MeshDelta {
+        self.mesh_cache = MeshCache::default();
+        self.update_mesh()
     }
 
     /// The whole mesh as of the last [`update_mesh`](Self::update_mesh), blocks in ascending order.
@@ -112,7 +119,7 @@ impl Volume {
             let changed = block.surface_revision > cache.seen || block.occupancy_revision > cache.seen;
             let is_new_shape = || match cache.shape.get(&block.key.packed()) {
                 Some(shape) => shape.differs(block, tolerance),
-                None => block.occupied != [0; 8],
+                None => block.near_surface != [0; 8],
             };
             if !changed || !is_new_shape() {
                 continue;
@@ -135,53 +142,49 @@ impl Volume {
         let first = key.first_voxel();
         for z in 0..8usize {
             for y in 0..8usize {
-                for x in 0..8usize {
-                    let base = x + 9 * y + 81 * z;
-                    let here = patch.inside[base];
-                    // Quads: one per crossing edge that begins at this voxel.
-                    for (axis, stride) in [1, 9, 81].into_iter().enumerate() {
-                        let there = patch.inside[base + stride];
-                        if here != UNKNOWN && there != UNKNOWN && here != there {
-                            part.quads.push(Quad { voxel: [x as u8, y as u8, z as u8], axis: axis as u8, flip: here == OUTSIDE });
-                        }
+                let (cells, edges) = patch.crossings(y, z);
+                for axis in 0..3u8 {
+                    for x in ones(edges[usize::from(axis)]) {
+                        let flip = patch.outside[9 * z + y] >> x & 1 == 1;
+                        part.quads.push(Quad { voxel: [x as u8, y as u8, z as u8], axis, flip });
                     }
-                    if let Some(offset) = patch.cell_vertex(base) {
-                        let at = |axis: usize, local: usize| {
-                            ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
-                        };
-                        part.cells.push((x + 8 * y + 64 * z) as u16);
-                        part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                        part.labels.push(self.cell_label(first, [x as i32, y as i32, z as i32]));
-                    }
+                }
+                for x in ones(cells) {
+                    let offset = patch.cell_vertex(x + 9 * y + 81 * z);
+                    let at = |axis: usize, local: usize| {
+                        ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
+                    };
+                    part.cells.push((x + 8 * y + 64 * z) as u16);
+                    part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
+                    part.labels.push(self.cell_label(first, [x as i32, y as i32, z as i32]));
                 }
             }
         }
         part
     }
 
-    /// Distances of the 9^3 voxels that a block's cells touch; `None` if nothing in it is occupied.
+    /// The 9^3 voxels that a block's cells touch; `None` if none of them lies inside something.
     fn patch(&self, key: BlockKey) -> Option<Patch> {
-        let mut patch = Patch { distance: [0; 729], inside: [UNKNOWN; 729] };
-        let mut is_any_inside = false;
+        let mut patch = Patch { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
         for corner in 0..8 {
             let shift = [corner & 1, corner >> 1 & 1, corner >> 2];
             let Some(block) = self.block(key.offset(shift[0], shift[1], shift[2])) else { continue };
-            let range = |axis: usize| if shift[axis] == 1 { 8..9 } else { 0..8usize };
+            let range = |axis: usize| if shift[axis] == 1 { 8..9usize } else { 0..8usize };
             for z in range(2) {
                 for y in range(1) {
                     for x in range(0) {
                         let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
                         if contains(&block.known, local) {
-                            let i = x + 9 * y + 81 * z;
-                            patch.distance[i] = block.distance[local];
-                            patch.inside[i] = if block.distance[local] < 0 { INSIDE } else { OUTSIDE };
-                            is_any_inside |= block.distance[local] < 0;
+                            let distance = block.distance[local];
+                            patch.distance[x + 9 * y + 81 * z] = distance;
+                            let side = if distance < 0 { &mut patch.inside } else { &mut patch.outside };
+                            side[9 * z + y] |= 1 << x;
                         }
                     }
                 }
             }
         }
-        is_any_inside.then_some(patch)
+        patch.inside.iter().any(|row| *row != 0).then_some(patch)
     }
 
     /// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
@@ -241,48 +244,62 @@ fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
 
-const UNKNOWN: u8 = 0;
-const INSIDE: u8 = 1;
-const OUTSIDE: u8 = 2;
+/// Positions of the ones of a row.
+fn ones(row: u16) -> impl Iterator<Item = usize> {
+    (0..9).filter(move |x| row >> x & 1 == 1)
+}
 
 struct Patch {
     distance: [i16; 729],
-    inside: [u8; 729],
+    /// Rows along x, number `9 z + y`: bit x is set where the voxel is known and inside, or known and outside.
+    inside: [u16; 81],
+    outside: [u16; 81],
 }
 
 impl Patch {
-    /// Mean of the crossings on the cell's edges, in voxels from the cell's first voxel centre; `None` if no edge crosses or a
-    /// corner is unknown.
-    fn cell_vertex(&self, base: usize) -> Option<[f32; 3]> {
-        let mut corner = [0usize; 8];
-        let mut seen = 0;
-        for (k, slot) in corner.iter_mut().enumerate() {
-            *slot = base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2);
-            let side = self.inside[*slot];
-            if side == UNKNOWN {
-                return None;
-            }
-            seen |= side;
+    /// In the row (y, z) of cells: which have all corners known and lie on both sides; and which voxels begin a crossing edge along x,
+    /// y and z.
+    fn crossings(&self, y: usize, z: usize) -> (u16, [u16; 3]) {
+        let row = 9 * z + y;
+        let four = [row, row + 1, row + 9, row + 10];
+        let (mut inside, mut outside, mut known) = (0, 0, u16::MAX);
+        for r in four {
+            inside |= self.inside[r] | self.inside[r] >> 1;
+            outside |= self.outside[r] | self.outside[r] >> 1;
+            let both = self.inside[r] | self.outside[r];
+            known &= both & both >> 1;
         }
-        if seen != INSIDE | OUTSIDE {
-            return None;
-        }
+        let (i, o) = (self.inside[row], self.outside[row]);
+        let crossing = |i2: u16, o2: u16| (i & o2 | o & i2) & 0xff;
+        (
+            inside & outside & known & 0xff,
+            [
+                crossing(i >> 1, o >> 1),
+                crossing(self.inside[row + 1], self.outside[row + 1]),
+                crossing(self.inside[row + 9], self.outside[row + 9]),
+            ],
+        )
+    }
+
+    /// Mean of the crossings on the edges of a cell that has some, in voxels from the cell's first voxel centre.
+    fn cell_vertex(&self, base: usize) -> [f32; 3] {
+        let d: [f32; 8] =
+            std::array::from_fn(|k| f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)]));
         let mut sum = [0f32; 3];
         let mut crossings = 0f32;
         for axis in 0..3 {
-            for a in 0..8usize {
+            for a in (0..8usize).filter(|a| a >> axis & 1 == 0) {
                 let b = a | 1 << axis;
-                if a == b || self.inside[corner[a]] == self.inside[corner[b]] {
+                if (d[a] < 0.0) == (d[b] < 0.0) {
                     continue;
                 }
-                let (da, db) = (f32::from(self.distance[corner[a]]), f32::from(self.distance[corner[b]]));
                 for (other, value) in sum.iter_mut().enumerate() {
-                    *value += if other == axis { da / (da - db) } else { (a >> other & 1) as f32 };
+                    *value += if other == axis { d[a] / (d[a] - d[b]) } else { (a >> other & 1) as f32 };
                 }
                 crossings += 1.0;
             }
         }
-        Some(sum.map(|s| s / crossings))
+        sum.map(|s| s / crossings)
     }
 }
 
@@ -319,13 +336,17 @@ impl Shape {
         if self.known != block.known || self.label.as_deref() != block.votes.as_ref().map(|v| &v.label) {
             return true;
         }
+        // Only near the surface: a voxel far in front of it that changes moves no vertex.
         let moved = |(a, b): (&i16, &i16)| {
             let (a, b) = (i32::from(*a), i32::from(*b));
-            (a - b).abs() > tolerance || (a < 0) != (b < 0)
+            (a - b).abs() > tolerance && a.min(b) < NEAR
         };
         self.distance.iter().zip(&block.distance).any(moved)
     }
 }
+
+/// Half the truncation.
+const NEAR: i32 = DISTANCE_ONE as i32 / 2;
 
 /// The mesh so far, by block.
 #[derive(Debug, Clone, Default)]

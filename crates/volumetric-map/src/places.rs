@@ -427,29 +427,20 @@ impl<'a> Flood<'a> {
 
     fn visit(&mut self, cell: usize, spacing_squared: i32, min_place: u16) {
         let field = self.field;
-        let [nx, ny, nz] = field.size;
-        let at = field.coordinates(cell);
+        let [nx, ny, _] = field.size;
+        // Cells on the border of the grid are never free, so all six neighbours exist.
+        let sides = [cell - 1, cell + 1, cell - nx, cell + nx, cell - nx * ny, cell + nx * ny];
+        let beside_unknown = sides[..4].iter().any(|other| field.state[*other] == Cell::Unknown);
         let mut touching = [NO_REGION; 6];
         let mut touched = 0;
-        let mut beside_unknown = false;
-        let sides = [
-            (at[0] > 0, cell.wrapping_sub(1)),
-            (at[0] + 1 < nx, cell + 1),
-            (at[1] > 0, cell.wrapping_sub(nx)),
-            (at[1] + 1 < ny, cell + nx),
-            (at[2] > 0, cell.wrapping_sub(nx * ny)),
-            (at[2] + 1 < nz, cell + nx * ny),
-        ];
-        for (side, (exists, other)) in sides.into_iter().enumerate() {
-            if !exists {
+        let mut last = NO_REGION;
+        for other in sides {
+            let label = self.label[other];
+            if label == NO_REGION || label == last {
                 continue;
             }
-            beside_unknown |= side < 4 && field.state[other] == Cell::Unknown;
-            if self.label[other] == NO_REGION {
-                continue;
-            }
-            let region = self.root(self.label[other]);
-            // A region that was anchored but not yet reached counts only from its own cell: it has no area yet.
+            last = label;
+            let region = self.root(label);
             if !touching[..touched].contains(&region) {
                 touching[touched] = region;
                 touched += 1;
@@ -457,7 +448,7 @@ impl<'a> Flood<'a> {
         }
         let mut own = self.label[cell];
         if own == NO_REGION {
-            let here = at.map(|v| v as i32);
+            let here = field.coordinates(cell).map(|v| v as i32);
             let nearest = touching[..touched].iter().copied().min_by_key(|r| (self.gap(*r, here), *r));
             own = match nearest {
                 None => self.open(cell, None),

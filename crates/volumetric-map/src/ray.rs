@@ -10,21 +10,31 @@ pub(crate) struct RayWalk {
     /// Ray length at which the next border of each axis is crossed.
     t_next: [f64; 3],
     t_delta: [f64; 3],
+    /// Borders per length: the inverse of `t_delta`.
+    rate: [f64; 3],
+}
+
+/// Largest whole number not above; the plain `f64::floor` is a library call on the baseline x86-64.
+#[inline]
+pub(crate) fn floor(value: f64) -> i32 {
+    let whole = value as i32;
+    whole - i32::from(value < f64::from(whole))
 }
 
 impl RayWalk {
     /// Starts `t_start` along the ray from `origin` (in voxels) in the unit direction.
     pub fn new(origin: [f64; 3], direction: [f64; 3], t_start: f64) -> Self {
-        let mut walk = Self { index: [0; 3], step: [0; 3], t_next: [f64::INFINITY; 3], t_delta: [f64::INFINITY; 3] };
+        let mut walk = Self { index: [0; 3], step: [0; 3], t_next: [f64::INFINITY; 3], t_delta: [f64::INFINITY; 3], rate: [0.0; 3] };
         for axis in 0..3 {
             let d = direction[axis];
-            walk.index[axis] = (origin[axis] + d * t_start).floor() as i32;
+            walk.index[axis] = floor(origin[axis] + d * t_start);
             if d.abs() > 1e-12 {
                 let inverse = 1.0 / d;
                 let border = f64::from(walk.index[axis]) + if d > 0.0 { 1.0 } else { 0.0 };
                 walk.step[axis] = if d > 0.0 { 1 } else { -1 };
                 walk.t_next[axis] = (border - origin[axis]) * inverse;
                 walk.t_delta[axis] = inverse.abs();
+                walk.rate[axis] = d.abs();
             }
         }
         walk
@@ -66,7 +76,7 @@ impl RayWalk {
             if self.step[axis] == 0 || self.t_next[axis] >= t_leave {
                 continue;
             }
-            let crossed = (((t_leave - self.t_next[axis]) / self.t_delta[axis]).ceil() as i32).min(left[axis]);
+            let crossed = (1 + floor((t_leave - self.t_next[axis]) * self.rate[axis])).min(left[axis]);
             self.index[axis] += crossed * self.step[axis];
             self.t_next[axis] += f64::from(crossed) * self.t_delta[axis];
         }

@@ -1,10 +1,10 @@
 //! Flat grids cut from the volume: a plain slice, and the ground grid of a robot that stands on a floor.
 //!
-//! A word of a block's bit set is one layer of 64 columns, so a layer of a block is read with a handful of instructions.
+//! A word of a block's bit set is one layer of 64 columns, so the 64 columns of a block are counted together.
 
 use nalgebra::Point2;
 
-use crate::block::{BlockKey, VoxelSet};
+use crate::block::BlockKey;
 use crate::occupancy_grid::OccupancyGrid;
 use crate::volume::{Cell, Volume};
 
@@ -97,22 +97,26 @@ impl Volume {
             if z_from > z_to || first[0] + 8 <= low_x || first[0] >= high_x || first[1] + 8 <= low_y || first[1] >= high_y {
                 continue;
             }
-            let free: VoxelSet = std::array::from_fn(|z| block.known[z] & !block.occupied[z]);
+            // Count up to eight layers for 64 columns at once: one word per binary digit of the sum.
+            let mut occupied = Sum::default();
+            let mut free = Sum::default();
             for z in z_from..=z_to {
                 let layer = (z - first[2]) as usize;
-                let mut any = block.known[layer];
-                while any != 0 {
-                    let bit = any.trailing_zeros();
-                    any &= any - 1;
-                    let x = first[0] + i64::from(bit & 7) - low_x;
-                    let y = first[1] + i64::from(bit >> 3) - low_y;
-                    if x < 0 || y < 0 || x >= width as i64 || y >= height as i64 {
-                        continue;
-                    }
-                    let column = &mut columns[y as usize * width + x as usize];
-                    column.free += (free[layer] >> bit & 1) as u32;
-                    column.occupied += (block.occupied[layer] >> bit & 1) as u32;
+                occupied.add(block.occupied[layer]);
+                free.add(block.known[layer] & !block.occupied[layer]);
+            }
+            let mut any = occupied.any() | free.any();
+            while any != 0 {
+                let bit = any.trailing_zeros();
+                any &= any - 1;
+                let x = first[0] + i64::from(bit & 7) - low_x;
+                let y = first[1] + i64::from(bit >> 3) - low_y;
+                if x < 0 || y < 0 || x >= width as i64 || y >= height as i64 {
+                    continue;
                 }
+                let column = &mut columns[y as usize * width + x as usize];
+                column.free += free.at(bit);
+                column.occupied += occupied.at(bit);
             }
         }
         columns.into_iter().map(judge).collect()
@@ -146,4 +150,29 @@ impl Volume {
 struct Column {
     free: u32,
     occupied: u32,
+}
+
+/// 64 counters of up to fifteen, digit by digit.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sum {
+    digits: [u64; 4],
+}
+
+impl Sum {
+    fn add(&mut self, word: u64) {
+        let mut carry = word;
+        for digit in &mut self.digits {
+            let next = *digit & carry;
+            *digit ^= carry;
+            carry = next;
+        }
+    }
+
+    fn any(&self) -> u64 {
+        self.digits.iter().fold(0, |all, digit| all | digit)
+    }
+
+    fn at(&self, bit: u32) -> u32 {
+        (0..4).map(|k| ((self.digits[k] >> bit & 1) as u32) << k).sum()
+    }
 }

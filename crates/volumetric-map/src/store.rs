@@ -2,7 +2,7 @@
 //!
 //! Layout, little-endian: `OMNIVOL\0`, u16 major, u16 minor, the configuration, u32 revision, u64 block count, then the blocks in ascending key
 //! order, then a 64-bit FNV-1a sum of everything before it. A block is its key (x, y, z as i32), a flag byte (bit 0: carries
-//! votes, bit 1: all known voxels are firmly free), 512 weights, 512 distances unless firmly free, and the votes.
+//! votes, bit 1: all known voxels are firmly free), the occupied set, 512 weights, 512 distances unless firmly free, and the votes.
 
 use std::io::{Read, Write};
 
@@ -76,6 +76,7 @@ impl Volume {
             }
             let is_free = (0..BLOCK_VOXELS).all(|i| block.distance[i] == free_distance(block.weight[i]));
             bytes.push(u8::from(block.votes.is_some()) | u8::from(is_free) << 1);
+            bytes.extend(block.occupied.iter().flat_map(|word| word.to_le_bytes()));
             bytes.extend_from_slice(&block.weight);
             if !is_free {
                 bytes.extend(block.distance.iter().flat_map(|d| d.to_le_bytes()));
@@ -156,6 +157,10 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
         return Err(LoadError::Block(number));
     }
     let mut block = Block::new(BlockKey { x, y, z });
+    for word in &mut block.occupied {
+        *word = u64::from_le_bytes(input.take()?);
+    }
+    let occupied = block.occupied;
     block.weight = input.take()?;
     if flags & 2 == 0 {
         let bytes: [u8; 2 * BLOCK_VOXELS] = input.take()?;
@@ -180,7 +185,11 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
         votes.count = input.take()?;
         block.votes = Some(Box::new(votes));
     }
-    block.refresh(&volume.thresholds, volume.revision);
+    // The hysteresis keeps what the file says as long as the distances allow it.
+    block.refresh(|_| true, &volume.thresholds, volume.revision);
+    if block.occupied != occupied {
+        return Err(LoadError::Block(number));
+    }
     block.occupancy_revision = volume.revision;
     block.surface_revision = volume.revision;
     Ok(block)

@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 use crate::block::{Block, BlockKey, NONE, Thresholds, Votes, contains, local_of};
 use crate::config::{ConfigError, VolumeConfig};
 use crate::mesh::MeshCache;
+use crate::ray::floor;
 
 /// What the map says about a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -143,11 +144,11 @@ impl Volume {
     pub fn voxel_of(&self, point: &Point3<f64>) -> Option<[i32; 3]> {
         let mut voxel = [0; 3];
         for axis in 0..3 {
-            let q = (point[axis] / self.config.voxel_m).floor();
+            let q = point[axis] / self.config.voxel_m;
             if !(q.abs() < MAX_VOXEL_INDEX) {
                 return None;
             }
-            voxel[axis] = q as i32;
+            voxel[axis] = floor(q);
         }
         Some(voxel)
     }
@@ -171,7 +172,7 @@ impl Volume {
                 assert_eq!(*link, expected, "links agree with the index");
             }
             let mut copy = block.clone();
-            copy.refresh(&self.thresholds, u32::MAX);
+            copy.refresh(|_| true, &self.thresholds, u32::MAX);
             assert_eq!(copy.known, block.known, "known set follows the weights");
             assert_eq!(copy.occupied, block.occupied, "occupied set follows the distances");
             assert_eq!(copy.settled, block.settled, "settled set follows both");
