@@ -149,7 +149,6 @@ impl<'a> Furnisher<'a> {
                     max: a.sup(&b),
                 }
             })
-            .chain(space.closed.iter().copied())
             .collect();
         Self {
             rng,
@@ -263,8 +262,10 @@ impl<'a> Furnisher<'a> {
             matches!(item.class.mount, Mount::Wall(_)) && tall && covers(&item.bounds, bounds)
                 || thin && covers(bounds, &item.bounds)
         };
+        let overlaps = |zone: &Rect| zone.overlaps(&foot, 1e-9);
         !self.items.iter().any(hits)
-            && (thin || !self.keep_free.iter().any(|k| k.overlaps(&foot, 1e-9)))
+            && !self.space.closed.iter().any(overlaps)
+            && (thin || !self.keep_free.iter().any(overlaps))
     }
 
     /// Size (width, depth, height), colour and material of a new thing; sets in one room match.
