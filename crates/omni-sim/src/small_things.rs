@@ -6,10 +6,12 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use crate::building::{Bounds, RoomKind};
 use crate::catalog::class;
 use crate::colors::draw_color;
+use crate::item::Item;
 use crate::models::build;
 use crate::passage::Reach;
-use crate::placement::{Furnisher, Item, is_viewable};
+use crate::placement::Furnisher;
 use crate::shape::{Placement, Surface};
+use crate::viewing::is_viewable;
 
 /// Smallest distance between a thing and the edge of what it stands on, metres.
 const EDGE_MIN_M: f64 = 0.02;
