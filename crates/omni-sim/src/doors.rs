@@ -48,7 +48,7 @@ pub fn draw_doors(rng: &mut impl Rng, plan: &StoreyPlan, min_door_m: f64) -> Opt
     for (_, a, b, border, custom) in candidates {
         let joins = group[a] != group[b];
         // A door more than needed only where custom likes it.
-        let extra = !joins && custom >= 4.0 && custom < 9.0 && rng.random_bool(0.3);
+        let extra = !joins && (4.0..9.0).contains(&custom) && rng.random_bool(0.3);
         if !(joins || extra) {
             continue;
         }
