@@ -15,7 +15,8 @@ fn main() {
 #[divan::bench]
 fn lidar_scan_50k_triangles(bencher: divan::Bencher) {
     let world = support::flat_world(40, 96);
-    let motion = |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 0.6));
+    let motion =
+        |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 0.6));
     let mount = RotatingMount::rotating(Isometry3::identity());
     bencher.bench(|| scan(&world, &motion, &mount, &LidarConfig::default(), 0).unwrap());
 }

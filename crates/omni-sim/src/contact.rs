@@ -171,7 +171,10 @@ impl ContactWorld {
     /// All places where the robot at `world_from_body` is in something at `stamp_ns`, the deepest first; empty when the pose
     /// is not finite.
     pub fn contacts(&mut self, world_from_body: &Isometry3<f64>, stamp_ns: i64) -> Vec<Contact> {
-        let finite = world_from_body.to_homogeneous().iter().all(|x| x.is_finite());
+        let finite = world_from_body
+            .to_homogeneous()
+            .iter()
+            .all(|x| x.is_finite());
         if !finite {
             return Vec::new();
         }
@@ -203,17 +206,30 @@ impl ContactWorld {
                     continue;
                 };
                 let robot_is_first = pair.collider1 == shape;
-                let other = if robot_is_first { pair.collider2 } else { pair.collider1 };
+                let other = if robot_is_first {
+                    pair.collider2
+                } else {
+                    pair.collider1
+                };
                 for manifold in &rigid.manifolds {
-                    self.read_manifold(manifold, shape, other, robot_is_first, stamp_ns, &mut contacts);
+                    self.read_manifold(
+                        manifold,
+                        shape,
+                        other,
+                        robot_is_first,
+                        stamp_ns,
+                        &mut contacts,
+                    );
                 }
             }
         }
         contacts.sort_by(|a: &Contact, b| {
             let key = |c: &Contact| (c.instance, c.point.x, c.point.y, c.point.z);
-            b.depth_m
-                .total_cmp(&a.depth_m)
-                .then(key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal))
+            b.depth_m.total_cmp(&a.depth_m).then(
+                key(a)
+                    .partial_cmp(&key(b))
+                    .unwrap_or(std::cmp::Ordering::Equal),
+            )
         });
         contacts
     }
@@ -232,22 +248,39 @@ impl ContactWorld {
         stamp_ns: i64,
         contacts: &mut Vec<Contact>,
     ) {
-        let subshape = if robot_is_first { manifold.subshape2 } else { manifold.subshape1 };
+        let subshape = if robot_is_first {
+            manifold.subshape2
+        } else {
+            manifold.subshape1
+        };
         let Some(instance) = self.instance_of(other, subshape) else {
             return;
         };
-        let (Some(thing), Some(robot)) = (self.colliders.get(other), self.colliders.get(shape)) else {
+        let (Some(thing), Some(robot)) = (self.colliders.get(other), self.colliders.get(shape))
+        else {
             return;
         };
         // Normals point out of their shape; the thing's one points towards the robot.
         let normal = thing.position().rotation
-            * if robot_is_first { manifold.local_n2 } else { manifold.local_n1 };
+            * if robot_is_first {
+                manifold.local_n2
+            } else {
+                manifold.local_n1
+            };
         for point in manifold.points.iter().filter(|p| p.dist < 0.0) {
-            let local = if robot_is_first { point.local_p2 } else { point.local_p1 };
+            let local = if robot_is_first {
+                point.local_p2
+            } else {
+                point.local_p1
+            };
             let in_world = thing.position().transform_point(local);
             // Deep in a thin wall the normal may point through it: the robot's own centre says which side is out.
             let outward = (robot.position().translation - in_world).dot(normal);
-            let normal = if outward < 0.0 && -point.dist > 0.02 { -normal } else { normal };
+            let normal = if outward < 0.0 && -point.dist > 0.02 {
+                -normal
+            } else {
+                normal
+            };
             contacts.push(Contact {
                 stamp_ns,
                 instance,
@@ -262,7 +295,10 @@ impl ContactWorld {
         if Some(collider) == self.static_collider {
             return self.static_instances.get(triangle as usize).copied();
         }
-        let mover = self.movers.iter().find(|(_, handle, _)| *handle == collider);
+        let mover = self
+            .movers
+            .iter()
+            .find(|(_, handle, _)| *handle == collider);
         mover.map(|(_, _, mover)| mover.instance)
     }
 }
@@ -289,7 +325,12 @@ fn grouped(builder: ColliderBuilder, own: Group, other: Group) -> Collider {
 /// `None` for a shape without volume or with NaN.
 fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
     let good = |x: f64| x.is_finite() && x > 1e-6;
-    if !shape.body_from_shape.to_homogeneous().iter().all(|x| x.is_finite()) {
+    if !shape
+        .body_from_shape
+        .to_homogeneous()
+        .iter()
+        .all(|x| x.is_finite())
+    {
         return None;
     }
     let mut placed = shape.body_from_shape;
@@ -332,7 +373,11 @@ fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
 }
 
 fn mesh_collider(mesh: &TriangleMesh) -> Result<Collider, ContactError> {
-    let vertices = mesh.vertices.iter().map(|v| Vector::new(v.x, v.y, v.z)).collect();
+    let vertices = mesh
+        .vertices
+        .iter()
+        .map(|v| Vector::new(v.x, v.y, v.z))
+        .collect();
     // Flags would renumber the triangles; contacts are two-sided as they are.
     let builder =
         ColliderBuilder::trimesh_with_flags(vertices, mesh.faces.clone(), TriMeshFlags::empty());
@@ -380,7 +425,11 @@ impl TouchCounter {
     pub fn observe(&mut self, contacts: &[Contact]) -> usize {
         let before = self.touches.len();
         for contact in contacts {
-            match self.last.iter_mut().find(|(instance, _)| *instance == contact.instance) {
+            match self
+                .last
+                .iter_mut()
+                .find(|(instance, _)| *instance == contact.instance)
+            {
                 Some((_, stamp_ns)) => {
                     if (contact.stamp_ns - *stamp_ns) as f64 * 1e-9 >= self.release_s {
                         self.touches.push(*contact);

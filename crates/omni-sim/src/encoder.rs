@@ -31,7 +31,11 @@ pub struct EncoderRecord {
 }
 
 /// What the encoder reads at `stamp_ns`: the nearest line.
-pub fn encoder_sample(mount: &RotatingMount, config: &EncoderConfig, stamp_ns: i64) -> EncoderRecord {
+pub fn encoder_sample(
+    mount: &RotatingMount,
+    config: &EncoderConfig,
+    stamp_ns: i64,
+) -> EncoderRecord {
     let angle_rad = mount.angle_rad(stamp_ns);
     let lines = f64::from(config.lines);
     EncoderRecord {
@@ -60,6 +64,9 @@ mod tests {
         let read = encoder_sample(&mount, &config, 300_000_000).angle_rad;
         assert!((read - TAU / 4.0).abs() < 1e-12);
         // Just before a full turn the nearest line is line 0.
-        assert_eq!(encoder_sample(&mount, &config, 1_999_000_000).angle_rad, 0.0);
+        assert_eq!(
+            encoder_sample(&mount, &config, 1_999_000_000).angle_rad,
+            0.0
+        );
     }
 }

@@ -43,7 +43,8 @@ impl Equirect {
         let theta = direction.y.atan2(direction.x);
         let phi = direction.z.atan2(direction.x.hypot(direction.y));
         let u = f64::from(self.width) / 2.0 * (1.0 - theta / PI);
-        let v = f64::from(self.height) * (self.phi_top_rad - phi) / (self.phi_top_rad - self.phi_bottom_rad);
+        let v = f64::from(self.height) * (self.phi_top_rad - phi)
+            / (self.phi_top_rad - self.phi_bottom_rad);
         (u.rem_euclid(f64::from(self.width)), v)
     }
 }

@@ -110,7 +110,11 @@ impl GroundBaseConfig {
             && self.stride_hz <= 10.0
             && self.pitch_rad < 0.5
             && self.roll_rad < 0.5;
-        if good { Ok(()) } else { Err(GroundBaseError::Config) }
+        if good {
+            Ok(())
+        } else {
+            Err(GroundBaseError::Config)
+        }
     }
 }
 
@@ -188,7 +192,11 @@ impl GroundBase {
         command: &VelocityCommand,
         mut contacts: Option<&mut ContactWorld>,
     ) -> Result<Vec<Contact>, GroundBaseError> {
-        let numbers = [command.forward_mps, command.left_mps, command.yaw_rate_radps];
+        let numbers = [
+            command.forward_mps,
+            command.left_mps,
+            command.yaw_rate_radps,
+        ];
         if !numbers.iter().all(|x| x.is_finite()) {
             return Err(GroundBaseError::NotFinite);
         }
@@ -252,7 +260,13 @@ impl GroundBase {
         let is_impact = !contacts.is_empty();
         let (accel, jerk, yaw_accel, yaw_jerk, gain) = if is_impact {
             let yaw_impact = IMPACT_MPS2 / config.gyration_radius_m;
-            (IMPACT_MPS2, 2.0 * IMPACT_MPS2 / h, yaw_impact, 2.0 * yaw_impact / h, 100.0)
+            (
+                IMPACT_MPS2,
+                2.0 * IMPACT_MPS2 / h,
+                yaw_impact,
+                2.0 * yaw_impact / h,
+                100.0,
+            )
         } else {
             (
                 config.max_accel_mps2,
@@ -271,7 +285,13 @@ impl GroundBase {
 
         // Yaw first: the world acceleration at the end of the piece needs where the body then points.
         let yaw = self.jets[YAW];
-        let yaw_end = follow(yaw.rate, yaw.acceleration, target.z, &limits(yaw_accel, yaw_jerk), h);
+        let yaw_end = follow(
+            yaw.rate,
+            yaw.acceleration,
+            target.z,
+            &limits(yaw_accel, yaw_jerk),
+            h,
+        );
         let yaw_piece = Cubic::reaching(yaw, yaw_end, h);
         let yaw_after = yaw_piece.at(h);
 
@@ -285,7 +305,10 @@ impl GroundBase {
             follow(velocity.y, rate_before.y, target.y, &limits, h),
         );
         let velocity_after = velocity + (rate_before + rate_after) * (h / 2.0);
-        let end = rotate(rate_after + turn(velocity_after) * yaw_after.rate, yaw_after.value);
+        let end = rotate(
+            rate_after + turn(velocity_after) * yaw_after.rate,
+            yaw_after.value,
+        );
         let x_piece = Cubic::reaching(self.jets[X], end.x, h);
         let y_piece = Cubic::reaching(self.jets[Y], end.y, h);
 
@@ -297,17 +320,32 @@ impl GroundBase {
             turn: Turn::Euler([yaw_piece, pitch_piece, roll_piece]),
             vibration: None,
         });
-        let pieces = [x_piece, y_piece, yaw_piece, z_piece, pitch_piece, roll_piece];
+        let pieces = [
+            x_piece,
+            y_piece,
+            yaw_piece,
+            z_piece,
+            pitch_piece,
+            roll_piece,
+        ];
         self.jets = pieces.map(|piece| piece.at(h));
     }
 
     /// The command within the limits and not into what is touched: forward, left, yaw rate.
     fn allowed(&self, command: &VelocityCommand, contacts: &[Contact]) -> Vector3<f64> {
         let config = &self.config;
-        let forward = command.forward_mps.clamp(-config.max_reverse_mps, config.max_speed_mps);
-        let left = command.left_mps.clamp(-config.max_lateral_mps, config.max_lateral_mps);
+        let forward = command
+            .forward_mps
+            .clamp(-config.max_reverse_mps, config.max_speed_mps);
+        let left = command
+            .left_mps
+            .clamp(-config.max_lateral_mps, config.max_lateral_mps);
         let yaw_limit = config.max_yaw_rate_radps;
-        let mut target = Vector3::new(forward, left, command.yaw_rate_radps.clamp(-yaw_limit, yaw_limit));
+        let mut target = Vector3::new(
+            forward,
+            left,
+            command.yaw_rate_radps.clamp(-yaw_limit, yaw_limit),
+        );
         let inertia = config.gyration_radius_m * config.gyration_radius_m;
         let center = Vector2::new(self.jets[X].value, self.jets[Y].value);
         // Gauss-Seidel over the contacts: after a few rounds no touched point moves into its thing.
@@ -365,8 +403,16 @@ impl GroundBase {
         let height = self.floor_z_m + config.stance_height_m;
         [
             follow(self.jets[Z], height, wave(config.heave_m, stride, pulse)),
-            follow(self.jets[PITCH], 0.0, wave(config.pitch_rad, stride + 1.0, pulse)),
-            follow(self.jets[ROLL], 0.0, wave(config.roll_rad, stride / 2.0, pulse / 2.0)),
+            follow(
+                self.jets[PITCH],
+                0.0,
+                wave(config.pitch_rad, stride + 1.0, pulse),
+            ),
+            follow(
+                self.jets[ROLL],
+                0.0,
+                wave(config.roll_rad, stride / 2.0, pulse / 2.0),
+            ),
         ]
     }
 
@@ -436,7 +482,11 @@ mod tests {
         // Two seconds less half the time the ramp takes (0.5 s at 2 m/s^2, jerk-limited ends).
         let x = base.state().world_from_body.translation.x;
         assert!((1.5..1.75).contains(&x), "{x}");
-        let top = base.track().pieces().map(|p| p.position[0].start.acceleration).fold(0.0, f64::max);
+        let top = base
+            .track()
+            .pieces()
+            .map(|p| p.position[0].start.acceleration)
+            .fold(0.0, f64::max);
         assert!(top <= 2.0 + 1e-9 && top > 1.5, "{top}");
     }
 

@@ -17,7 +17,6 @@ pub mod ground_base;
 pub mod imu;
 pub mod item;
 pub mod lidar;
-pub mod lookalike;
 pub mod mesh;
 pub mod models;
 pub mod motion;

@@ -72,7 +72,11 @@ impl LidarConfig {
             && (0.0..1.0).contains(&self.range_noise_m)
             && (0.0..=1.0).contains(&self.dropout)
             && (0.0..=std::f64::consts::FRAC_PI_2).contains(&self.grazing_rad);
-        if good { Ok(()) } else { Err(LidarError::Config) }
+        if good {
+            Ok(())
+        } else {
+            Err(LidarError::Config)
+        }
     }
 
     /// Time of a whole scan.
@@ -267,7 +271,8 @@ impl Column<'_> {
         for (ring, &(up, flat)) in beams.iter().enumerate() {
             let in_sensor = Vector3::new(flat * cos, flat * sin, up);
             let direction = rotation * in_sensor;
-            let Some((range, surface)) = snapshot.cast(&origin, &direction, max_range, stack) else {
+            let Some((range, surface)) = snapshot.cast(&origin, &direction, max_range, stack)
+            else {
                 continue;
             };
             let key = noise.with(ring as u64);

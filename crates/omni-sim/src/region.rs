@@ -30,7 +30,11 @@ pub fn regions_of(pixels: &[u32], height: u32) -> BTreeMap<u32, Region> {
             let to = from + run.len() as u32;
             if run[0] != 0 {
                 let column = column as u32;
-                regions.entry(run[0]).or_default().runs.push(Run { column, from, to });
+                regions
+                    .entry(run[0])
+                    .or_default()
+                    .runs
+                    .push(Run { column, from, to });
             }
             from = to;
         }
@@ -58,13 +62,18 @@ impl Region {
     /// The pixels of an axis-parallel ellipse that lie in a picture of `width` x `height`.
     pub fn ellipse(center: (f64, f64), axes: (f64, f64), width: u32, height: u32) -> Region {
         let first = (center.0 - axes.0).ceil().max(0.0) as u32;
-        let last = (center.0 + axes.0).floor().clamp(-1.0, f64::from(width) - 1.0);
+        let last = (center.0 + axes.0)
+            .floor()
+            .clamp(-1.0, f64::from(width) - 1.0);
         let mut runs = Vec::new();
         for column in first..(last + 1.0) as u32 {
             let x = (f64::from(column) - center.0) / axes.0;
             let half = axes.1 * (1.0 - x * x).max(0.0).sqrt();
             let from = (center.1 - half).ceil().clamp(0.0, f64::from(height)) as u32;
-            let to = (center.1 + half).floor().clamp(-1.0, f64::from(height) - 1.0) as i64 + 1;
+            let to = (center.1 + half)
+                .floor()
+                .clamp(-1.0, f64::from(height) - 1.0) as i64
+                + 1;
             runs.push(Run {
                 column,
                 from,
@@ -100,7 +109,11 @@ impl Region {
         match widest {
             Some(i) if gap(&i) > 1 => {
                 let (left, right) = self.runs.split_at(i);
-                [left, right].map(|runs| Region { runs: runs.to_vec() }).into()
+                [left, right]
+                    .map(|runs| Region {
+                        runs: runs.to_vec(),
+                    })
+                    .into()
             }
             _ => vec![self],
         }
@@ -140,7 +153,9 @@ impl Region {
 
     /// All pixels with no pixel outside the region within `radius`; the picture's border does not count as outside.
     pub fn eroded(&self, radius: u32, width: u32, height: u32) -> Region {
-        let outside = self.complement(width, height).dilated(radius, width, height);
+        let outside = self
+            .complement(width, height)
+            .dilated(radius, width, height);
         outside.complement(width, height)
     }
 
@@ -214,7 +229,9 @@ mod tests {
 
     /// A 4 x 3 picture, column-major.
     fn picture() -> Region {
-        let pixels = [0, 0, 5, /**/ 5, 5, 0, /**/ 0, 0, 0, /**/ 0, 5, 5];
+        let pixels = [
+            0, 0, 5, /**/ 5, 5, 0, /**/ 0, 0, 0, /**/ 0, 5, 5,
+        ];
         regions_of(&pixels, 3).remove(&5).unwrap()
     }
 

@@ -6,7 +6,7 @@
 //! while, and looking again from the same place does not average the error away. Part of the misses is drawn anew each
 //! frame. Instance numbers only select what was rendered; they reach neither the records nor the draws.
 
-use crate::lookalike::look_alikes_of;
+use crate::catalog;
 use crate::mesh::InstanceId;
 use crate::noise::NoiseKey;
 use crate::region::{Region, regions_of};
@@ -123,7 +123,12 @@ pub fn segment(
     let frame = Frame {
         config,
         things: snapshot.world().things(),
-        classes: snapshot.world().things().iter().map(|t| t.class.as_str()).collect(),
+        classes: snapshot
+            .world()
+            .things()
+            .iter()
+            .map(|t| t.class.as_str())
+            .collect(),
         width: rendering.view.width,
         height: rendering.view.height,
         stamp_ns,
@@ -222,7 +227,9 @@ impl Frame<'_> {
         let mut score = 0.92 - 0.3 * smallness - 0.1 * farness;
         score += config.noise_scale.min(1.0) * momentary.with(2).between(-0.05, 0.05);
         let is_confused = lasting.with(3).uniform() < config.noise_scale * config.confusion;
-        let wrong = is_confused.then(|| self.wrong_label(&thing.class, lasting.with(4))).flatten();
+        let wrong = is_confused
+            .then(|| self.wrong_label(&thing.class, lasting.with(4)))
+            .flatten();
         let (label, caption) = match wrong {
             Some(label) => {
                 score -= 0.15;
@@ -248,9 +255,14 @@ impl Frame<'_> {
 
     /// A look-alike; for a class without one any other class of the building. `None` when there is no other.
     fn wrong_label(&self, class: &str, key: NoiseKey) -> Option<String> {
-        let others = look_alikes_of(class);
+        let others = catalog::class(class).map_or(&[][..], |c| c.look_alikes);
         if others.is_empty() {
-            let known: Vec<&str> = self.classes.iter().copied().filter(|c| *c != class).collect();
+            let known: Vec<&str> = self
+                .classes
+                .iter()
+                .copied()
+                .filter(|c| *c != class)
+                .collect();
             return known.get(key.index(known.len())).map(|c| c.to_string());
         }
         Some(others[key.index(others.len())].to_string())
@@ -309,7 +321,10 @@ impl Frame<'_> {
                 // Sizes for a 1920 panorama, in proportion for others.
                 let scale = width / 1920.0;
                 let axis = |part| scale * key.with(part).between(6.0, 40.0);
-                let center = (width * key.with(3).uniform(), height * key.with(4).between(0.2, 0.9));
+                let center = (
+                    width * key.with(3).uniform(),
+                    height * key.with(4).between(0.2, 0.9),
+                );
                 let region = Region::ellipse(center, (axis(1), axis(2)), self.width, self.height);
                 let label = words[key.with(5).index(words.len())].to_string();
                 let score = key.with(6).between(0.3, 0.55) as f32;
@@ -319,7 +334,13 @@ impl Frame<'_> {
             .collect()
     }
 
-    fn record(&self, region: Region, label: String, score: f32, caption: String) -> (Region, MaskRecord) {
+    fn record(
+        &self,
+        region: Region,
+        label: String,
+        score: f32,
+        caption: String,
+    ) -> (Region, MaskRecord) {
         let counts = region.coco_counts(self.width, self.height);
         let mask = MaskRecord {
             counts,

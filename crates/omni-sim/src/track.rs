@@ -106,7 +106,8 @@ pub struct Piece {
 impl Piece {
     /// State at `stamp_ns`, which is held to the piece's own time.
     pub fn at(&self, stamp_ns: i64) -> KinematicState {
-        let inside_ns = stamp_ns.clamp(self.start_ns, self.start_ns + self.duration_ns) - self.start_ns;
+        let inside_ns =
+            stamp_ns.clamp(self.start_ns, self.start_ns + self.duration_ns) - self.start_ns;
         let s = inside_ns as f64 * 1e-9;
         let mut axes = self.position.map(|c| c.at(s));
         if let Some(vibration) = &self.vibration {
@@ -119,7 +120,10 @@ impl Piece {
         };
         KinematicState {
             stamp_ns,
-            world_from_body: Isometry3::from_parts(Translation3::from(vector(|j| j.value)), rotation),
+            world_from_body: Isometry3::from_parts(
+                Translation3::from(vector(|j| j.value)),
+                rotation,
+            ),
             velocity_world: vector(|j| j.rate),
             acceleration_world: vector(|j| j.acceleration),
             angular_velocity_body: rate,
@@ -163,7 +167,11 @@ fn euler_turn([yaw, pitch, roll]: [Jet; 3]) -> (UnitQuaternion<f64>, Vector3<f64
     let (dr, dp, dy) = (roll.rate, pitch.rate, yaw.rate);
     let (ddr, ddp, ddy) = (roll.acceleration, pitch.acceleration, yaw.acceleration);
     // Standard Euler-rate matrix of the z-y-x order, and its time derivative.
-    let rate = Vector3::new(dr - dy * sp, dp * cr + dy * cp * sr, -dp * sr + dy * cp * cr);
+    let rate = Vector3::new(
+        dr - dy * sp,
+        dp * cr + dy * cp * sr,
+        -dp * sr + dy * cp * cr,
+    );
     let acceleration = Vector3::new(
         ddr - ddy * sp - dy * dp * cp,
         ddp * cr - dp * dr * sr + ddy * cp * sr - dy * dp * sp * sr + dy * dr * cp * cr,
@@ -274,7 +282,10 @@ impl Motion for MotionTrack {
     }
 
     fn span_ns(&self) -> (i64, i64) {
-        let start = self.pieces.front().map_or(self.rest.stamp_ns, |p| p.start_ns);
+        let start = self
+            .pieces
+            .front()
+            .map_or(self.rest.stamp_ns, |p| p.start_ns);
         (start, self.end_ns())
     }
 }
@@ -288,17 +299,27 @@ mod tests {
         const H_NS: i64 = 20_000;
         const H: f64 = H_NS as f64 * 1e-9;
         let middle = piece.start_ns + piece.duration_ns / 2;
-        let (before, now, after) = (piece.at(middle - H_NS), piece.at(middle), piece.at(middle + H_NS));
+        let (before, now, after) = (
+            piece.at(middle - H_NS),
+            piece.at(middle),
+            piece.at(middle + H_NS),
+        );
         let position = |s: &KinematicState| s.world_from_body.translation.vector;
         let velocity = (position(&after) - position(&before)) / (2.0 * H);
         assert!((velocity - now.velocity_world).norm() < 1e-6, "velocity");
         let acceleration = (after.velocity_world - before.velocity_world) / (2.0 * H);
-        assert!((acceleration - now.acceleration_world).norm() < 1e-5, "acceleration");
+        assert!(
+            (acceleration - now.acceleration_world).norm() < 1e-5,
+            "acceleration"
+        );
         let rotation = |s: &KinematicState| s.world_from_body.rotation;
         let rate = (rotation(&before).inverse() * rotation(&after)).scaled_axis() / (2.0 * H);
         assert!((rate - now.angular_velocity_body).norm() < 1e-6, "rate");
         let turn = (after.angular_velocity_body - before.angular_velocity_body) / (2.0 * H);
-        assert!((turn - now.angular_acceleration_body).norm() < 1e-5, "angular acceleration");
+        assert!(
+            (turn - now.angular_acceleration_body).norm() < 1e-5,
+            "angular acceleration"
+        );
     }
 
     fn cubic(value: f64, rate: f64, acceleration: f64, jerk: f64) -> Cubic {

@@ -3,6 +3,7 @@
 //! [`World::ray`] answers one ray; sensors take a [`Snapshot`] (the movers' poses at one time) and cast many. Every
 //! triangle of the world has one number, its *surface*: static triangles first, then those of each mover.
 
+use crate::building::Building;
 use crate::bvh::{Bvh, RayStack};
 use crate::mesh::{InstanceId, Mover, TriangleMesh};
 use crate::noise::NoiseKey;
@@ -135,7 +136,8 @@ impl World {
                 instance: pair[0].instance,
             });
         }
-        let total = static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
+        let total =
+            static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
         if total >= 1 << 31 {
             return Err(WorldError::TooLarge);
         }
@@ -148,7 +150,12 @@ impl World {
             .into_iter()
             .map(|mover| {
                 let first_surface = surfaces.len() as u32;
-                surfaces_of(&mover.mesh, Some(mover.instance), &mut facets, &mut surfaces);
+                surfaces_of(
+                    &mover.mesh,
+                    Some(mover.instance),
+                    &mut facets,
+                    &mut surfaces,
+                );
                 MovingMesh {
                     bvh: Bvh::build(&mover.mesh.vertices, &mover.mesh.faces),
                     radius: mover
@@ -174,6 +181,21 @@ impl World {
         Ok(world)
     }
 
+    /// The world of a generated building, with its objects' classes, colours and captions.
+    pub fn of_building(building: &Building) -> Result<World, WorldError> {
+        let things = building.objects.iter().map(|object| Thing {
+            instance: object.id,
+            class: object.class.clone(),
+            color: object.color.clone(),
+            caption: object.caption.clone(),
+        });
+        World::new(
+            building.mesh.clone(),
+            building.movers.clone(),
+            things.collect(),
+        )
+    }
+
     /// First thing along `direction` (any length but zero) within `max_distance_m`, with the movers where they are at
     /// `stamp_ns`. `None` also for input that is not finite.
     pub fn ray(
@@ -195,7 +217,11 @@ impl World {
             &mut RayStack::default(),
         )?;
         let normal: Vector3<f64> = snapshot.normal(surface).cast();
-        let facing = if normal.dot(&unit) > 0.0 { -normal } else { normal };
+        let facing = if normal.dot(&unit) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
         Some(Hit {
             distance_m: f64::from(distance),
             point: origin + unit * f64::from(distance),
@@ -206,7 +232,13 @@ impl World {
     }
 
     /// Whether nothing lies on the segment from `from` to `to`, apart from a hand's breadth (`slack_m`) before `to`.
-    pub fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>, slack_m: f64, stamp_ns: i64) -> bool {
+    pub fn is_clear(
+        &self,
+        from: &Point3<f64>,
+        to: &Point3<f64>,
+        slack_m: f64,
+        stamp_ns: i64,
+    ) -> bool {
         let step = to - from;
         let length = step.norm();
         length <= slack_m || self.ray(from, &step, length - slack_m, stamp_ns).is_none()
@@ -263,7 +295,9 @@ impl World {
     }
 
     fn extents_of(&self, mesh: &TriangleMesh, mover: Option<usize>, extents: &mut Vec<Extent>) {
-        for (instance, faces) in faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance)) {
+        for (instance, faces) in
+            faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance))
+        {
             if instance == 0 {
                 continue;
             }
@@ -274,11 +308,15 @@ impl World {
                 high = high.sup(&mesh.vertices[corner as usize]);
             }
             let class = self.thing(instance).map_or("", |t| t.class.as_str());
-            let start = mover.map_or(Vector3::zeros(), |m| self.movers[m].mover.path[0].1.translation.vector);
-            let center: Vector3<f64> = nalgebra::center(&low, &high).coords.cast() + start;
-            let noise = center.iter().fold(NoiseKey::new(0).with_text(class), |key, x| {
-                key.with((x * 1000.0).round() as i64 as u64)
+            let start = mover.map_or(Vector3::zeros(), |m| {
+                self.movers[m].mover.path[0].1.translation.vector
             });
+            let center: Vector3<f64> = nalgebra::center(&low, &high).coords.cast() + start;
+            let noise = center
+                .iter()
+                .fold(NoiseKey::new(0).with_text(class), |key, x| {
+                    key.with((x * 1000.0).round() as i64 as u64)
+                });
             extents.push(Extent {
                 instance,
                 mover,
@@ -325,7 +363,10 @@ impl Snapshot<'_> {
             }
             let local_origin = pose.inverse_transform_point(origin);
             let local_direction = pose.inverse_transform_vector(direction);
-            if let Some(hit) = moving.bvh.cast(&local_origin, &local_direction, limit, stack) {
+            if let Some(hit) = moving
+                .bvh
+                .cast(&local_origin, &local_direction, limit, stack)
+            {
                 best = Some((hit.distance, hit.triangle + moving.first_surface));
             }
         }
@@ -362,7 +403,10 @@ impl Mover {
     /// before the first and after the last.
     pub fn pose_at(&self, stamp_ns: i64) -> Isometry3<f64> {
         let next = self.path.partition_point(|(stamp, _)| *stamp <= stamp_ns);
-        match (next.checked_sub(1).map(|i| &self.path[i]), self.path.get(next)) {
+        match (
+            next.checked_sub(1).map(|i| &self.path[i]),
+            self.path.get(next),
+        ) {
             (None, Some((_, first))) => *first,
             (Some((_, last)), None) => *last,
             (Some((t0, before)), Some((t1, after))) => {
@@ -385,10 +429,18 @@ fn check_mesh(mesh: &TriangleMesh) -> Result<(), WorldError> {
         }
     }
     let count = mesh.vertices.len() as u32;
-    if let Some(face) = mesh.faces.iter().position(|f| f.iter().any(|&i| i >= count)) {
+    if let Some(face) = mesh
+        .faces
+        .iter()
+        .position(|f| f.iter().any(|&i| i >= count))
+    {
         return Err(WorldError::VertexIndex { face });
     }
-    if !mesh.vertices.iter().all(|v| v.iter().all(|x| x.is_finite())) {
+    if !mesh
+        .vertices
+        .iter()
+        .all(|v| v.iter().all(|x| x.is_finite()))
+    {
         return Err(WorldError::NotFinite);
     }
     Ok(())
@@ -418,7 +470,10 @@ fn surfaces_of(
     facets.next_mesh();
     for (face, corners) in mesh.faces.iter().enumerate() {
         let [a, b, c] = corners.map(|i| mesh.vertices[i as usize]);
-        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::z);
+        let normal = (b - a)
+            .cross(&(c - a))
+            .try_normalize(0.0)
+            .unwrap_or_else(Vector3::z);
         let instance = mover.unwrap_or(mesh.instances[face]);
         let color = mesh.colors[face];
         surfaces.push(Surface {
@@ -431,10 +486,16 @@ fn surfaces_of(
 }
 
 /// Faces of each instance, by instance.
-fn faces_by_instance(mesh: &TriangleMesh, mover: Option<InstanceId>) -> BTreeMap<InstanceId, Vec<usize>> {
+fn faces_by_instance(
+    mesh: &TriangleMesh,
+    mover: Option<InstanceId>,
+) -> BTreeMap<InstanceId, Vec<usize>> {
     let mut faces: BTreeMap<InstanceId, Vec<usize>> = BTreeMap::new();
     for (face, &instance) in mesh.instances.iter().enumerate() {
-        faces.entry(mover.unwrap_or(instance)).or_default().push(face);
+        faces
+            .entry(mover.unwrap_or(instance))
+            .or_default()
+            .push(face);
     }
     faces
 }

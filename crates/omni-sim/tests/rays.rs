@@ -20,7 +20,10 @@ fn random_unit(key: NoiseKey) -> Vector3<f32> {
 }
 
 fn parry_mesh(vertices: &[Point3<f32>], faces: &[[u32; 3]]) -> TriMesh {
-    let vertices = vertices.iter().map(|v| Vector::new(v.x, v.y, v.z)).collect();
+    let vertices = vertices
+        .iter()
+        .map(|v| Vector::new(v.x, v.y, v.z))
+        .collect();
     TriMesh::new(vertices, faces.to_vec()).unwrap()
 }
 
@@ -65,11 +68,21 @@ fn no_ray_leaves_a_closed_room_and_all_agree_with_parry() {
             Vector::new(direction.x, direction.y, direction.z),
         );
         let exact = distance_to_the_walls(&origin, &direction);
-        assert!((ours.distance - exact).abs() < DISTANCE_TOL_M, "ray {i}: {} {exact}", ours.distance);
+        assert!(
+            (ours.distance - exact).abs() < DISTANCE_TOL_M,
+            "ray {i}: {} {exact}",
+            ours.distance
+        );
         // Parry itself misses a few of the rays that aim at an edge; it need not be asked for those.
         if i % 2 == 0 {
-            let theirs = parry.cast_local_ray(&ray, 100.0, false).expect("parry hits");
-            assert!((ours.distance - theirs).abs() < DISTANCE_TOL_M, "ray {i}: {} {theirs}", ours.distance);
+            let theirs = parry
+                .cast_local_ray(&ray, 100.0, false)
+                .expect("parry hits");
+            assert!(
+                (ours.distance - theirs).abs() < DISTANCE_TOL_M,
+                "ray {i}: {} {theirs}",
+                ours.distance
+            );
         }
     }
 }

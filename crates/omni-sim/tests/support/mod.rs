@@ -7,13 +7,32 @@ use omni_sim::noise::NoiseKey;
 use omni_sim::world::{Thing, World};
 
 /// A box, corners `low` and `high`, normals outwards.
-pub fn push_box(mesh: &mut TriangleMesh, low: [f32; 3], high: [f32; 3], instance: u32, color: [u8; 3]) {
+pub fn push_box(
+    mesh: &mut TriangleMesh,
+    low: [f32; 3],
+    high: [f32; 3],
+    instance: u32,
+    color: [u8; 3],
+) {
     let base = mesh.vertices.len() as u32;
     for i in 0..8 {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        let pick = |axis: usize| {
+            if i >> axis & 1 == 0 {
+                low[axis]
+            } else {
+                high[axis]
+            }
+        };
         mesh.vertices.push(Point3::new(pick(0), pick(1), pick(2)));
     }
-    for quad in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
+    for quad in [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ] {
         let q = quad.map(|i| base + i);
         push_quad(mesh, q, instance, color);
     }
@@ -49,7 +68,8 @@ pub fn push_round(
         }
     }
     mesh.vertices.push(Point3::new(foot[0], foot[1], foot[2]));
-    mesh.vertices.push(Point3::new(foot[0], foot[1], foot[2] + height));
+    mesh.vertices
+        .push(Point3::new(foot[0], foot[1], foot[2] + height));
     for s in 0..segments {
         let (a, b) = (base + s, base + (s + 1) % segments);
         let (c, d) = (a + segments, b + segments);
@@ -110,13 +130,37 @@ const CLASSES: [(&str, &str, [u8; 3]); 8] = [
 /// `segments` is the number of sides of round things (more: more triangles).
 pub fn flat(per_room: usize, segments: u32) -> (TriangleMesh, Vec<Thing>) {
     let mut mesh = TriangleMesh::default();
-    push_box(&mut mesh, [-0.1, -0.1, -0.1], [15.1, 8.1, 0.0], 0, [150, 125, 100]);
-    push_box(&mut mesh, [-0.1, -0.1, 2.5], [15.1, 8.1, 2.6], 0, [245, 245, 245]);
+    push_box(
+        &mut mesh,
+        [-0.1, -0.1, -0.1],
+        [15.1, 8.1, 0.0],
+        0,
+        [150, 125, 100],
+    );
+    push_box(
+        &mut mesh,
+        [-0.1, -0.1, 2.5],
+        [15.1, 8.1, 2.6],
+        0,
+        [245, 245, 245],
+    );
     for x in [0.0, 15.0] {
-        push_box(&mut mesh, [x - 0.05, -0.05, 0.0], [x + 0.05, 8.05, 2.5], 0, WALL);
+        push_box(
+            &mut mesh,
+            [x - 0.05, -0.05, 0.0],
+            [x + 0.05, 8.05, 2.5],
+            0,
+            WALL,
+        );
     }
     for y in [0.0, 8.0] {
-        push_box(&mut mesh, [0.05, y - 0.05, 0.0], [14.95, y + 0.05, 2.5], 0, WALL);
+        push_box(
+            &mut mesh,
+            [0.05, y - 0.05, 0.0],
+            [14.95, y + 0.05, 2.5],
+            0,
+            WALL,
+        );
     }
     for x in [5.0, 10.0] {
         for y in [0.05, 4.0] {
@@ -149,17 +193,47 @@ pub fn flat(per_room: usize, segments: u32) -> (TriangleMesh, Vec<Thing>) {
                 "plant" => push_round(&mut mesh, [x, y, 0.0], 0.2, 1.1, segments, id, rgb),
                 "lamp" => push_round(&mut mesh, [x, y, 0.0], 0.15, 1.6, segments, id, rgb),
                 "table" => {
-                    push_box(&mut mesh, [x - 0.4, y - 0.3, 0.7], [x + 0.4, y + 0.3, 0.74], id, rgb);
+                    push_box(
+                        &mut mesh,
+                        [x - 0.4, y - 0.3, 0.7],
+                        [x + 0.4, y + 0.3, 0.74],
+                        id,
+                        rgb,
+                    );
                     for (dx, dy) in [(-0.35, -0.25), (-0.35, 0.25), (0.35, -0.25), (0.35, 0.25)] {
                         let (a, b) = (x + dx, y + dy);
-                        push_box(&mut mesh, [a - 0.02, b - 0.02, 0.0], [a + 0.02, b + 0.02, 0.7], id, rgb);
+                        push_box(
+                            &mut mesh,
+                            [a - 0.02, b - 0.02, 0.0],
+                            [a + 0.02, b + 0.02, 0.7],
+                            id,
+                            rgb,
+                        );
                     }
                 }
                 "chair" => {
-                    push_box(&mut mesh, [x - 0.2, y - 0.2, 0.4], [x + 0.2, y + 0.2, 0.45], id, rgb);
-                    push_box(&mut mesh, [x - 0.2, y - 0.2, 0.0], [x + 0.2, y - 0.15, 0.9], id, rgb);
+                    push_box(
+                        &mut mesh,
+                        [x - 0.2, y - 0.2, 0.4],
+                        [x + 0.2, y + 0.2, 0.45],
+                        id,
+                        rgb,
+                    );
+                    push_box(
+                        &mut mesh,
+                        [x - 0.2, y - 0.2, 0.0],
+                        [x + 0.2, y - 0.15, 0.9],
+                        id,
+                        rgb,
+                    );
                 }
-                _ => push_box(&mut mesh, [x - 0.3, y - 0.25, 0.0], [x + 0.3, y + 0.25, 0.9], id, rgb),
+                _ => push_box(
+                    &mut mesh,
+                    [x - 0.3, y - 0.25, 0.0],
+                    [x + 0.3, y + 0.25, 0.9],
+                    id,
+                    rgb,
+                ),
             }
             things.push(Thing {
                 instance: id,
@@ -190,7 +264,15 @@ fn wall_with_door(mesh: &mut TriangleMesh, axis: usize, at: f32, from: f32, to: 
 /// A person-like cylinder that walks 2 m along x in room 0 within four seconds.
 pub fn walker(instance: u32) -> Mover {
     let mut mesh = TriangleMesh::default();
-    push_round(&mut mesh, [0.0, 0.0, 0.0], 0.2, 1.7, 12, instance, [180, 60, 60]);
+    push_round(
+        &mut mesh,
+        [0.0, 0.0, 0.0],
+        0.2,
+        1.7,
+        12,
+        instance,
+        [180, 60, 60],
+    );
     let at = |x: f64| Isometry3::new(Vector3::new(x, 1.5, 0.0), Vector3::zeros());
     Mover {
         instance,
