@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use divan::Bencher;
 use nalgebra::Point3;
 use omni_perception::*;
-use support::{Moment, Noise, Scene, encoder, mount, scan, trajectory};
+use support::{Moment, Noise, Scene, TURNING_RADPS, encoder, mount, scan, trajectory};
 
 fn main() {
     divan::main();
@@ -22,8 +22,17 @@ fn moment() -> &'static Moment {
 
 #[divan::bench]
 fn deskew_32k_points(bencher: Bencher) {
-    let (scan, _) = scan(&Scene::living_room(), 0.0, 0.015, &mut Noise(1));
-    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2));
+    let (scan, _) = scan(
+        &Scene::living_room(),
+        0.0,
+        TURNING_RADPS,
+        0.015,
+        &mut Noise(1),
+    );
+    let (trajectory, encoder) = (
+        trajectory(-0.1, 0.2, 200.0),
+        encoder(-0.1, 0.2, TURNING_RADPS),
+    );
     bencher.bench(|| {
         deskew(
             &scan,
@@ -38,8 +47,17 @@ fn deskew_32k_points(bencher: Bencher) {
 
 #[divan::bench]
 fn deskew_32k_points_exactly(bencher: Bencher) {
-    let (scan, _) = scan(&Scene::living_room(), 0.0, 0.015, &mut Noise(1));
-    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2));
+    let (scan, _) = scan(
+        &Scene::living_room(),
+        0.0,
+        TURNING_RADPS,
+        0.015,
+        &mut Noise(1),
+    );
+    let (trajectory, encoder) = (
+        trajectory(-0.1, 0.2, 200.0),
+        encoder(-0.1, 0.2, TURNING_RADPS),
+    );
     bencher.bench(|| {
         deskew_exactly(
             &scan,

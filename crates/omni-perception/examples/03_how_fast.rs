@@ -8,12 +8,21 @@ mod support;
 use std::time::{Duration, Instant};
 
 use omni_perception::*;
-use support::{Moment, Noise, Scene, encoder, mount, scan, trajectory};
+use support::{Moment, Noise, Scene, TURNING_RADPS, encoder, mount, scan, trajectory};
 
 fn main() {
     // 1. One scan of 32 x 1024 points, deskewed on 200 Hz knots with the motor's angle at each point's time.
-    let (raw, _) = scan(&Scene::living_room(), 0.0, 0.015, &mut Noise(1));
-    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2));
+    let (raw, _) = scan(
+        &Scene::living_room(),
+        0.0,
+        TURNING_RADPS,
+        0.015,
+        &mut Noise(1),
+    );
+    let (trajectory, encoder) = (
+        trajectory(-0.1, 0.2, 200.0),
+        encoder(-0.1, 0.2, TURNING_RADPS),
+    );
     let deskewing = best(|| {
         let config = DeskewConfig::default();
         let scan = deskew(

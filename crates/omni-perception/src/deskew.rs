@@ -135,7 +135,7 @@ impl DeskewedScan {
 
 /// Deskews a scan. About 15 ns a point.
 ///
-/// Transforms are exact every quarter of a millisecond and blended between (see [`crate::motion_table`]); that is
+/// Transforms are exact every quarter of a millisecond and blended between (`motion_table`); that is
 /// within 0.02 mm of [`deskew_exactly`] for any motion a robot survives.
 ///
 /// # Errors

@@ -1,9 +1,9 @@
 //! From masks to points: which mask does each point belong to, seen from the camera at the time of the image?
 //!
-//! 1. project all points and keep the nearest of each cell ([`crate::range_buffer`]);
-//! 2. look the point's pixel up in the eroded masks ([`crate::mask_index`]);
+//! 1. project all points and keep the nearest of each cell (`range_buffer`);
+//! 2. look the point's pixel up in the eroded masks (`mask_index`);
 //! 3. drop the points that the camera cannot see;
-//! 4. of each thing keep the near mode ([`crate::near_mode`]).
+//! 4. of each thing keep the near mode (`near_mode`).
 //!
 //! Each step takes away points of the background, since a thing that grows by what is behind it is worse than one that
 //! misses a rim.

@@ -1,4 +1,63 @@
-//! omni-perception
+//! Raw LiDAR scans, motor angles, odometry and segmented panoramas go in; deskewed scans, labelled points and
+//! observations of objects come out.
+//!
+//! # The problem
+//! ```text
+//! P_i = T_wb(t_i) T_bl(angle(t_i)) P_raw                     deskew             OmniVLN Eq. 1
+//! theta = atan2(y, x), phi = atan2(z, hypot(x, y))           direction          OmniVLN Eq. 2
+//! u = W/2 (1 - theta/pi), v = H (phi_top - phi) / span       pixel              OmniVLN Eq. 3
+//! L(o) = argmax_l sum_t I(label of o in frame t = l)         majority vote      OmniVLN Eq. 4
+//! ```
+//! | paper | here | unit |
+//! | --- | --- | --- |
+//! | T_wb | [`Trajectory::world_from_body`] | m, rad |
+//! | T_bc (of the LiDAR) | [`RotatingMount::body_from_sensor`] | m, rad |
+//! | (u, v), W, H | [`Pixel`], [`Equirectangular`] | pixels |
+//! | M_t | [`MaskedPanorama`] | |
+//! | L_p | [`LabelTransfer::mask_of_point`] | index of a mask |
+//! | L(o) | [`LabelVote::result`] | |
+//!
+//! # Example
+//! ```
+//! use nalgebra::{Isometry3, Point3};
+//! use omni_perception::*;
+//! let camera = Equirectangular::default();
+//! // A thing of 30 x 30 pixels straight ahead, and its mask.
+//! let rows: Vec<bool> = (0..640 * 1920).map(|i| (940..970).contains(&(i % 1920)) && (310..340).contains(&(i / 1920))).collect();
+//! let rle = Rle::from_rows(1920, 640, &rows)?;
+//! let mask = Mask { rle, label: "mug".into(), score: 0.9, caption: "a white mug".into() };
+//! let panorama = MaskedPanorama { masks: vec![mask], ..Default::default() };
+//! // Points on the thing at 2 m and on the wall behind it.
+//! let on = |v: u32, range: f64| Point3::from(camera.unproject(955.5, f64::from(v)).into_inner() * range).cast::<f32>();
+//! let points: Vec<Point3<f32>> = (315..335).flat_map(|v| [on(v, 2.0), on(v, 3.0)]).collect();
+//! let things = observe_objects(&panorama, &points, &Isometry3::identity(), &camera, &ObservationConfig::default());
+//! assert_eq!((things.len(), things[0].points_in_world.len()), (1, 20));
+//! # Ok::<(), RleError>(())
+//! ```
+//!
+//! # How it works
+//! 1. [`Trajectory`]: a smooth curve through odometry knots, position and rotation at any time ([`trajectory`]).
+//! 2. [`deskew()`]: each point goes through the mount at the motor's angle at its own time ([`encoder`]) and the pose
+//!    at its own time to one reference time (Eq. 1).
+//! 3. [`Equirectangular`]: the panorama (Eq. 2, 3); [`Rle`]: COCO masks, looked up without expanding them.
+//! 4. [`transfer_labels`]: erosion of the masks, a range buffer for what the camera cannot see, and of each thing the
+//!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
+//! 5. [`observe_panorama`]: points, names, colour and weight of each thing; [`LabelVote`]: the vote over frames (Eq. 4).
+//!
+//! # Conventions
+//! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew
+//! stands at its reference time and carries that pose. Times are [`Stamp`]s from the data; there is no pose outside
+//! the knots. Points that are not finite are skipped and counted. Where masks overlap, the smaller one counts. Same
+//! input, same bytes. Empty input gives empty output.
+//!
+//! # What it does not do
+//! It does not estimate the motion (only [`OdometryEstimate`], the type of the answer, is here), run a segmenter,
+//! associate things over time, or keep a map.
+//!
+//! # References
+//! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
+//! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
+
 pub mod deskew;
 pub mod encoder;
 pub mod equirectangular;

@@ -185,17 +185,15 @@ pub fn mount() -> RotatingMount {
     }
 }
 
-/// Half a turn a second.
-pub fn motor_angle_rad(t_s: f64) -> f64 {
-    std::f64::consts::PI * t_s
-}
+/// The motor's usual rate: half a turn a second.
+pub const TURNING_RADPS: f64 = std::f64::consts::PI;
 
-pub fn encoder(from_s: f64, to_s: f64) -> EncoderTrack {
+pub fn encoder(from_s: f64, to_s: f64, rate_radps: f64) -> EncoderTrack {
     let samples: Vec<EncoderSample> = (0..=((to_s - from_s) * 500.0).round() as usize)
         .map(|k| from_s + k as f64 / 500.0)
         .map(|t| EncoderSample {
             stamp: Stamp(0).plus_seconds(t),
-            angle_rad: motor_angle_rad(t),
+            angle_rad: rate_radps * t,
         })
         .collect();
     EncoderTrack::from_samples(&samples).expect("samples advance")
@@ -205,6 +203,7 @@ pub fn encoder(from_s: f64, to_s: f64) -> EncoderTrack {
 pub fn scan(
     scene: &Scene,
     start_s: f64,
+    motor_rate_radps: f64,
     range_noise_m: f64,
     noise: &mut Noise,
 ) -> (RawScan, Vec<usize>) {
@@ -216,7 +215,7 @@ pub fn scan(
     for column in 0..1024 {
         let offset_ns = (column as f64 * 0.1e9 / 1024.0) as u32;
         let t = start_s + f64::from(offset_ns) * 1e-9;
-        let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, motor_angle_rad(t));
+        let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, motor_rate_radps * t);
         let world_from_sensor = world_from_body(t)
             * mount().body_from_stator
             * Isometry3::from_parts(Translation3::identity(), turn)
@@ -319,13 +318,30 @@ pub struct Moment {
 
 impl Moment {
     pub fn new(seed: u64, range_noise_m: f64, bleed_px: i64) -> Moment {
+        Moment::with_motor(seed, range_noise_m, bleed_px, TURNING_RADPS)
+    }
+
+    pub fn with_motor(
+        seed: u64,
+        range_noise_m: f64,
+        bleed_px: i64,
+        motor_rate_radps: f64,
+    ) -> Moment {
         let scene = Scene::living_room();
         let mut noise = Noise(seed);
-        let (trajectory, encoder) = (trajectory(-0.5, 0.5, 200.0), encoder(-0.5, 0.5));
+        let (trajectory, encoder) = (
+            trajectory(-0.5, 0.5, 200.0),
+            encoder(-0.5, 0.5, motor_rate_radps),
+        );
         let (mut points_in_world, mut things) = (Vec::new(), Vec::new());
         for k in 0..10 {
-            let (scan, mut of_scan) =
-                scan(&scene, -0.5 + 0.1 * f64::from(k), range_noise_m, &mut noise);
+            let (scan, mut of_scan) = scan(
+                &scene,
+                -0.5 + 0.1 * f64::from(k),
+                motor_rate_radps,
+                range_noise_m,
+                &mut noise,
+            );
             let config = DeskewConfig {
                 min_range_m: 0.0,
                 ..DeskewConfig::default()
