@@ -133,6 +133,13 @@ pub fn run(
     report: &mut dyn FnMut(&Progress),
 ) -> Result<RunResult> {
     let wall = Instant::now();
+    let upright;
+    let robot = if config.simulation.is_lidar_fixed {
+        upright = with_fixed_lidar(robot);
+        &upright
+    } else {
+        robot
+    };
     let referee =
         Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
 
@@ -266,6 +273,15 @@ pub fn run(
         stages,
     };
     Ok(RunResult { summary, mission, truth })
+}
+
+/// The same robot with its LiDAR standing upright and still: both sides must know.
+fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
+    let mut fixed = robot.clone();
+    fixed.sensors.lidar.rotation_hz = 0.0;
+    fixed.sensors.lidar.tilt_rad = 0.0;
+    fixed.sensors.rotor_from_sensor.rotation = UnitQuaternion::identity();
+    fixed
 }
 
 /// Success and the sentence that explains it.

@@ -89,7 +89,7 @@ impl<'a> Simulation<'a> {
         let mount = RotatingMount {
             body_from_stator: robot.sensors.body_from_lidar_stator,
             rotor_from_sensor: robot.sensors.rotor_from_sensor,
-            rate_hz: if config.is_lidar_fixed { 0.0 } else { motor.rotation_hz },
+            rate_hz: motor.rotation_hz,
             phase_rad: 0.0,
         };
         Ok(Simulation {

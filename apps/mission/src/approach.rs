@@ -3,7 +3,7 @@
 use dsg::Aabb;
 use nalgebra::{Point2, Point3, Vector2};
 
-use crate::navigation::NavigationMap;
+use crate::reach::ReachMap;
 
 /// A pose from which a thing can be looked at from nearby.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,8 +22,8 @@ pub struct Stand {
 
 /// Rings of candidate poses, in units of one tenth of a metre.
 const STEP_M: f64 = 0.10;
-/// What a hidden candidate costs against a visible one, in metres of way.
-const HIDDEN_COST_M: f64 = 6.0;
+/// What a hidden candidate costs against a visible one, in metres of way: the other side of a wall is no place to look from.
+const HIDDEN_COST_M: f64 = 30.0;
 /// What a metre beyond the wanted distance costs, in metres of way.
 const FAR_COST: f64 = 8.0;
 
@@ -32,14 +32,13 @@ const FAR_COST: f64 = 8.0;
 /// thing)` says whether the map shows nothing between. `None` if the robot cannot get near at all.
 pub fn stand_before(
     bounds: &Aabb,
-    from: &Point2<f64>,
-    navigation: &NavigationMap,
+    reach: &ReachMap,
     eye_m: f64,
     distance_m: f64,
     fallback_m: f64,
     is_clear: &dyn Fn(&Point3<f64>, &Point3<f64>) -> bool,
 ) -> Option<Stand> {
-    let mut candidates: Vec<Point2<f64>> = Vec::new();
+    let mut candidates: Vec<(Point2<f64>, f64)> = Vec::new();
     let (min, max) = (bounds.min.xy(), bounds.max.xy());
     let reach_m = fallback_m;
     let columns = ((max.x - min.x + 2.0 * reach_m) / STEP_M).ceil() as usize;
@@ -47,16 +46,17 @@ pub fn stand_before(
     for iy in 0..=rows {
         for ix in 0..=columns {
             let point = Point2::new(min.x - reach_m + ix as f64 * STEP_M, min.y - reach_m + iy as f64 * STEP_M);
-            if floor_distance_m(bounds, &point) <= reach_m && navigation.fits(&point) {
-                candidates.push(point);
+            if floor_distance_m(bounds, &point) <= reach_m
+                && let Some(way_m) = reach.length_at(&point)
+            {
+                candidates.push((point, way_m));
             }
         }
     }
-    let ways = navigation.lengths_from(from, &candidates);
     let middle = bounds.center();
     let mut best: Option<(f64, Stand)> = None;
-    for (point, way_m) in candidates.iter().zip(ways) {
-        let Some(way_m) = way_m else { continue };
+    for (point, way_m) in &candidates {
+        let way_m = *way_m;
         let distance = floor_distance_m(bounds, point);
         let toward = middle.xy() - point;
         let eye = Point3::new(point.x, point.y, eye_m);

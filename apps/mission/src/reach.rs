@@ -74,6 +74,17 @@ impl ReachMap {
         ix < self.width && iy < self.height && self.length_m[iy * self.width + ix].is_finite()
     }
 
+    /// Length of the way to the cell at a point, `None` if the robot does not fit there or cannot get there.
+    pub fn length_at(&self, point: &Point2<f64>) -> Option<f64> {
+        let ix = ((point.x - self.origin.x) / self.resolution_m.max(1e-3)).floor();
+        let iy = ((point.y - self.origin.y) / self.resolution_m.max(1e-3)).floor();
+        if ix < 0.0 || iy < 0.0 || ix >= self.width as f64 || iy >= self.height as f64 {
+            return None;
+        }
+        let length_m = self.length_m[iy as usize * self.width + ix as usize];
+        length_m.is_finite().then_some(f64::from(length_m))
+    }
+
     /// Length of the way to the nearest cell beside `point`, `None` if there is none within 1.3 m of it.
     pub fn length_to(&self, point: &Point3<f64>) -> Option<f64> {
         let reach = (BESIDE_M / self.resolution_m.max(1e-3)).ceil() as i64;

@@ -15,7 +15,7 @@ use octant_prompt::{
 
 use octant_prompt::vocabulary::{Class, class_similarity};
 
-use crate::approach::{floor_distance_m, stand_before};
+use crate::approach::{floor_distance_m, in_front_of, stand_before};
 use crate::config::MissionConfig;
 use crate::goal::{Goal, GoalStatus};
 use crate::journal::{DecisionEntry, TraceEntry};
@@ -377,8 +377,7 @@ impl Mission {
                 self.stands_before_target = true;
                 let stand = stand_before(
                     &object.bounds,
-                    &here,
-                    &self.world.navigation,
+                    &self.reach_from(&here),
                     self.world.floor_m + self.world.camera_height_m(),
                     self.config.stop_distance_m - 0.15,
                     FALLBACK_M,
@@ -442,19 +441,24 @@ impl Mission {
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         self.remember_room(&odometry.world_from_body);
         let now_s = self.seconds(odometry.stamp);
-        let reach = ReachMap::new(&self.world.navigation.grid, &here, self.world.navigation.clearance_m());
+        let reach = self.reach_from(&here);
         let graph = self.world.graph.snapshot();
         let eye_m = self.world.floor_m + self.world.camera_height_m();
         let eye = Point3::new(here.x, here.y, eye_m);
         const BEST_EFFORT_M: f64 = 1.35;
+        let my_room = graph.room_at(&Point3::from(odometry.world_from_body.translation.vector));
         let stoppable = graph
             .objects()
             .filter(|object| {
                 let distance_m = floor_distance_m(&object.bounds, &here);
                 let has_arrived = self.memory.inspected.contains(&object.id);
-                let is_visible = || self.world.is_clear(&eye, &crate::approach::in_front_of(&eye, &object.bounds.center(), &object.bounds));
-                (distance_m <= self.config.stop_distance_m && (has_arrived || is_visible()))
-                    || (has_arrived && distance_m <= BEST_EFFORT_M)
+                let is_visible = || {
+                    self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds))
+                };
+                // Behind clutter in the same room is as good as visible, behind a wall is not.
+                let is_in_my_room = || object.room.is_some() && object.room == my_room;
+                let limit_m = if has_arrived { BEST_EFFORT_M } else { self.config.stop_distance_m };
+                distance_m <= limit_m && (is_visible() || (has_arrived && is_in_my_room()))
             })
             .map(|object| object.id)
             .collect();
@@ -484,6 +488,10 @@ impl Mission {
             },
             graph,
         })
+    }
+
+    fn reach_from(&self, here: &Point2<f64>) -> ReachMap {
+        ReachMap::new(&self.world.navigation.grid, here, self.world.navigation.clearance_m())
     }
 
     fn remember_room(&mut self, world_from_body: &Isometry3<f64>) {

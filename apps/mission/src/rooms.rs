@@ -84,25 +84,33 @@ impl RoomMap {
             let cell = cell_of_vertex[vertex as usize];
             grid.center(cell % grid.width, cell / grid.width)
         };
+        // 5. What is small and cut off (a view through a window, a gap behind a shelf) is no room.
+        let mut room_of_part: Vec<Option<u32>> = Vec::with_capacity(partition.parts.len());
+        let mut rooms = Vec::new();
+        for part in &partition.parts {
+            let is_room = part.area >= config.min_area_m2;
+            room_of_part.push(is_room.then_some(rooms.len() as u32));
+            if is_room {
+                rooms.push(RoomShape { center: center_of(part.peak), area_m2: part.area });
+            }
+        }
         let mut part_of_cell = vec![None; grid.cells.len()];
         for (vertex, &part) in partition.part_of.iter().enumerate() {
-            part_of_cell[cell_of_vertex[vertex]] = Some(part);
+            part_of_cell[cell_of_vertex[vertex]] = room_of_part[part as usize];
         }
-        let rooms = partition
-            .parts
-            .iter()
-            .map(|part| RoomShape { center: center_of(part.peak), area_m2: part.area })
-            .collect();
         let doorways = partition
             .borders
             .iter()
-            .map(|border| {
+            .filter_map(|border| {
                 let (u, v) = graph.edges()[border.edge as usize];
-                Doorway {
-                    between: (border.a as usize, border.b as usize),
+                Some(Doorway {
+                    between: (
+                        room_of_part[border.a as usize]? as usize,
+                        room_of_part[border.b as usize]? as usize,
+                    ),
                     at: nalgebra::center(&center_of(u), &center_of(v)),
                     width_m: 2.0 * border.saddle,
-                }
+                })
             })
             .collect();
         Ok(RoomMap { grid, part_of_cell, rooms, doorways })
