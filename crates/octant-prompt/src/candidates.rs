@@ -173,7 +173,8 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
             candidate.is_accepted && candidate.path_m.is_some() && (preferred(candidate) || !room_is_open)
         })
         .collect();
-    if !pool.is_empty() && !(searching && needs_whole_map(goal, known)) {
+    let may_be_beaten = searching && needs_whole_map(goal, known);
+    if !pool.is_empty() && !may_be_beaten {
         return pick(situation, &pool, &weight, false);
     }
     if searching {

@@ -4,18 +4,15 @@
 //! grounded by the same rule, so nesting costs nothing new), extremes among the remaining candidates, and trust in the observation.
 //! Works on plain [`Thing`]s, so the same code grounds a robot's scene graph ([`Scene::from_graph`]) and a recorded data set.
 
-use std::collections::HashMap;
+use dsg::ObjectId;
+use nalgebra::Point3;
 
-use dsg::{Aabb, ObjectId, RoomId, SceneGraph};
-use nalgebra::{Point3, Vector2};
-
-use crate::instruction::{
-    AttributeKind, Referring, RelationClause, RoomReference, SpatialRelation, Superlative, ViewKind,
-};
+use crate::attributes::attribute_score;
+use crate::extremes::extremes;
+use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
 use crate::relations::{Shape, Viewer, between_score, nearness_key_m, relation_score};
-use crate::vocabulary::{
-    Class, class_similarity, color_rgb, is_container, kind_probabilities, kind_similarity, material, normalise,
-};
+pub use crate::scene::{RoomFacts, Scene, Thing};
+use crate::vocabulary::{class_similarity, is_container, kind_similarity};
 
 /// What counts as "yes".
 #[derive(Debug, Clone, PartialEq)]
@@ -46,137 +43,6 @@ impl GroundingConfig {
     pub fn validate(&self) -> Result<(), GroundingConfigError> {
         let all = [self.accept, self.accept_relation, self.accept_attributes, self.accept_at_last];
         if all.iter().all(|value| (0.0..=1.0).contains(value)) { Ok(()) } else { Err(GroundingConfigError) }
-    }
-}
-
-/// One thing of the scene.
-#[derive(Debug, Clone)]
-pub struct Thing {
-    /// The caller's id.
-    pub id: ObjectId,
-    /// Classes it may be: index into [`Scene::classes`] and weight in [0, 1], the winner with 1.
-    pub classes: Vec<(u32, f64)>,
-    /// Its box in the world.
-    pub bounds: Aabb,
-    /// Mean colour.
-    pub color: Option<[f64; 3]>,
-    /// Colour, material and other words said about it (normalised, one space between).
-    pub words: String,
-    /// Name of its colour, if the graph holds one.
-    pub color_name: Option<String>,
-    /// Index into [`Scene::rooms`].
-    pub room: Option<usize>,
-    /// A point on its front face, if known.
-    pub front: Option<Point3<f64>>,
-    /// How far the observation is trusted, in (0, 1].
-    pub trust: f64,
-}
-
-/// One room of the scene.
-#[derive(Debug, Clone)]
-pub struct RoomFacts {
-    /// The caller's id.
-    pub id: RoomId,
-    /// Its name, normalised.
-    pub name: String,
-    /// What the graph takes it for, with confidence.
-    pub kind: Option<(String, f64)>,
-    /// Probability of each kind of [`kind_probabilities`] from its contents.
-    pub probabilities: Vec<(&'static str, f64)>,
-    /// Storey.
-    pub floor: i32,
-}
-
-/// Everything the grounder knows.
-#[derive(Debug, Clone, Default)]
-pub struct Scene {
-    /// The things, in ascending order of ids.
-    pub things: Vec<Thing>,
-    /// The rooms, in ascending order of ids.
-    pub rooms: Vec<RoomFacts>,
-    /// Distinct classes.
-    pub classes: Vec<Class>,
-    /// Storey of the viewer.
-    pub floor: i32,
-    index: HashMap<String, u32>,
-}
-
-impl Scene {
-    /// Reads a scene graph. `floor` is the storey the robot is on. Movers (people) are left out as targets only by their class.
-    pub fn from_graph(graph: &SceneGraph, floor: i32) -> Scene {
-        let mut scene = Scene { floor, ..Scene::default() };
-        let room_index: HashMap<RoomId, usize> =
-            graph.rooms().enumerate().map(|(index, room)| (room.id, index)).collect();
-        let mut contents: Vec<Vec<u32>> = vec![Vec::new(); room_index.len()];
-        for object in graph.objects() {
-            let top = object.votes.values().copied().fold(0.0, f64::max);
-            let mut classes: Vec<(u32, f64)> = vec![(scene.intern(&object.label), 1.0)];
-            for (label, votes) in &object.votes {
-                if *label != object.label && top > 0.0 && *votes > 0.0 {
-                    classes.push((scene.intern(label), (votes / top).min(1.0)));
-                }
-            }
-            let room = object.room.and_then(|id| room_index.get(&id).copied());
-            if let Some(room) = room {
-                contents[room].push(classes[0].0);
-            }
-            let mut words = normalise(&object.caption);
-            for value in object.attributes.values() {
-                words.push(' ');
-                words.push_str(&normalise(value));
-            }
-            scene.things.push(Thing {
-                id: object.id,
-                classes,
-                bounds: object.bounds,
-                color: object.color.map(|rgb| rgb.map(f64::from)),
-                words,
-                color_name: object.attributes.get("color").map(|name| normalise(name)),
-                room,
-                front: None,
-                trust: trust(object),
-            });
-        }
-        for (room, mut seen) in graph.rooms().zip(contents) {
-            seen.sort_unstable();
-            seen.dedup();
-            let seen: Vec<Class> = seen.into_iter().map(|index| scene.classes[index as usize].clone()).collect();
-            scene.rooms.push(RoomFacts {
-                id: room.id,
-                name: normalise(&room.name),
-                kind: room.kind.as_ref().map(|kind| (normalise(kind), room.kind_confidence)),
-                probabilities: kind_probabilities(&seen),
-                floor: room.floor,
-            });
-        }
-        scene
-    }
-
-    /// The index of a label in [`Scene::classes`], added if it is new.
-    pub fn intern(&mut self, label: &str) -> u32 {
-        if let Some(index) = self.index.get(label) {
-            return *index;
-        }
-        let index = self.classes.len() as u32;
-        self.classes.push(Class::new(label));
-        self.index.insert(label.to_string(), index);
-        index
-    }
-
-    /// The room with this id.
-    pub fn room(&self, id: RoomId) -> Option<&RoomFacts> {
-        self.rooms.binary_search_by(|room| room.id.cmp(&id)).ok().map(|index| &self.rooms[index])
-    }
-}
-
-/// Confirmed objects count fully; a first sight counts for something.
-fn trust(object: &dsg::Object) -> f64 {
-    if object.confirmed {
-        1.0
-    } else if object.observations >= 2 {
-        0.85
-    } else {
-        0.7
     }
 }
 
@@ -323,63 +189,6 @@ fn rooms(goal: &Referring, scene: &Scene, viewer: &Viewer) -> Option<Vec<f64>> {
     Some((0..scene.rooms.len()).map(score).collect())
 }
 
-fn attribute_score(kind: AttributeKind, word: &str, negated: bool, thing: &Thing) -> f64 {
-    /// What is not known about a thing.
-    const UNKNOWN: f64 = 0.5;
-    let score = match kind {
-        AttributeKind::Color => color_score(word, thing).unwrap_or(UNKNOWN),
-        AttributeKind::Material => {
-            let mut said = thing.words.split(' ').filter_map(material).peekable();
-            match said.peek() {
-                None => UNKNOWN,
-                Some(_) => {
-                    if said.any(|name| name == word) {
-                        0.97
-                    } else {
-                        0.2
-                    }
-                }
-            }
-        }
-        AttributeKind::Size(_) => return 1.0, // among the candidates, see `extremes`
-        AttributeKind::Other => {
-            let said =
-                thing.words.split(' ').any(|other| other == word) || thing.words.contains(word) && word.contains(' ');
-            if said { 0.97 } else { 0.6 }
-        }
-    };
-    if negated { 1.02 - score.max(0.02) } else { score }
-}
-
-/// Colour by name where a name is known, else by the mean colour; both where both are known.
-fn color_score(word: &str, thing: &Thing) -> Option<f64> {
-    let wanted = color_rgb(word)?;
-    // Captions open with the thing itself; later words are about its surroundings.
-    let in_caption = || thing.words.split(' ').take(8).find(|said| color_rgb(said).is_some());
-    let named = thing.color_name.as_deref().filter(|name| color_rgb(name).is_some()).or_else(in_caption).map(|name| {
-        let is_grey = |word: &str| matches!(word, "gray" | "grey");
-        if name == word || (is_grey(name) && is_grey(word)) {
-            1.0
-        } else {
-            let rgb = color_rgb(name).expect("filtered above");
-            0.4 * color_closeness(&wanted, &rgb)
-        }
-    });
-    let measured = thing.color.map(|rgb| color_closeness(&wanted, &rgb));
-    match (named, measured) {
-        (Some(named), Some(measured)) => Some(0.75 * named + 0.25 * measured),
-        (named, measured) => named.or(measured),
-    }
-}
-
-/// 1 for equal colours, 0.5 at a distance of about 60 in a space of lightness (counted half, it follows the lamp) and two opponent axes.
-fn color_closeness(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let opponent = |c: &[f64; 3]| [0.5 * (c[0] + c[1] + c[2]) / 3.0, c[0] - c[1], 0.5 * (c[0] + c[1]) - c[2]];
-    let (a, b) = (opponent(a), opponent(b));
-    let distance = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
-    1.0 / (1.0 + (distance / 60.0).powi(2))
-}
-
 /// Multiplies the score of one relation clause into every candidate.
 fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
     let anchors: Vec<Vec<Match>> =
@@ -494,89 +303,6 @@ fn closest(relation: SpatialRelation, found: &[Match], anchors: &[Vec<Match>], s
             }
         })
         .collect()
-}
-
-/// Superlatives, sizes and ordinals, among the candidates that the rest of the expression leaves.
-fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer) {
-    let sizes = goal.attributes.iter().filter_map(|attribute| match attribute.kind {
-        AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
-        _ => None,
-    });
-    let strong = goal.superlatives.iter().map(|superlative| (*superlative, 3.0));
-    let wanted: Vec<(Superlative, f64)> = strong.chain(sizes).collect();
-    if wanted.is_empty() && goal.ordinal.is_none() {
-        return;
-    }
-    let best = found.iter().map(|each| each.total).fold(0.0, f64::max);
-    let remaining: Vec<usize> = (0..found.len()).filter(|index| found[*index].total >= 0.5 * best).collect();
-    if remaining.len() < 2 {
-        return;
-    }
-    let order = goal.superlatives.first().copied().unwrap_or(Superlative::Nearest);
-    let order_keys = keys(order, &remaining, found, scene, viewer);
-    for (superlative, strength) in wanted {
-        if goal.ordinal.is_some() && strength > 1.0 && superlative == order {
-            continue; // it is the direction of counting
-        }
-        let keys = keys(superlative, &remaining, found, scene, viewer);
-        let (low, high) =
-            keys.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), key| (low.min(*key), high.max(*key)));
-        let span = (high - low).max(1e-9);
-        for (&index, key) in remaining.iter().zip(&keys) {
-            let rank = if strength < 0.0 { (high - key) / span } else { (key - low) / span };
-            found[index].total *= (-strength.abs() * rank).exp();
-        }
-    }
-    if let Some(ordinal) = goal.ordinal {
-        let mut sorted: Vec<(f64, usize)> =
-            order_keys.into_iter().zip(remaining).map(|(key, index)| (key, index)).collect();
-        sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let wanted =
-            if ordinal == u32::MAX { sorted.len() - 1 } else { (ordinal.max(1) as usize - 1).min(sorted.len() - 1) };
-        for (position, (_, index)) in sorted.into_iter().enumerate() {
-            if position != wanted {
-                found[index].total *= 0.1;
-            }
-        }
-    }
-}
-
-/// The key by which a superlative orders: the wanted end is the least.
-fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
-    let boxes: Vec<&Aabb> = remaining.iter().map(|index| &scene.things[found[*index].index].bounds).collect();
-    let middle = Point3::from(
-        boxes.iter().map(|bounds| bounds.center().coords).sum::<nalgebra::Vector3<f64>>() / boxes.len() as f64,
-    );
-    let forward = viewer.forward_to(&middle);
-    let left = Vector2::new(-forward.y, forward.x);
-    let key = |bounds: &Aabb| {
-        let (center, sides) = (bounds.center(), bounds.sides_m());
-        let offset = (center - viewer.position).xy();
-        match superlative {
-            Superlative::Nearest | Superlative::Frontmost => bounds.distance_to_point_m(&viewer.position),
-            Superlative::Farthest | Superlative::Backmost => -bounds.distance_to_point_m(&viewer.position),
-            Superlative::Largest => -bounds.volume_m3().max(1e-9).cbrt(),
-            Superlative::Smallest => bounds.volume_m3().max(1e-9).cbrt(),
-            Superlative::Tallest => -sides.z,
-            Superlative::Shortest => sides.z,
-            Superlative::Longest | Superlative::Widest => -sides.x.max(sides.y),
-            Superlative::Narrowest => sides.x.max(sides.y),
-            Superlative::Highest => -center.z,
-            Superlative::Lowest => center.z,
-            Superlative::Leftmost => -offset.dot(&left),
-            Superlative::Rightmost => offset.dot(&left),
-            Superlative::Middle => (center - middle).xy().norm(),
-            Superlative::Corner => -corner_key_m(bounds, scene),
-        }
-    };
-    boxes.into_iter().map(key).collect()
-}
-
-/// Distance from the middle of all things along both axes: large in the corners.
-fn corner_key_m(bounds: &Aabb, scene: &Scene) -> f64 {
-    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b)).unwrap_or(*bounds);
-    let offset = (bounds.center() - all.center()).xy();
-    offset.x.abs().min(offset.y.abs())
 }
 
 /// The viewer of an expression: from its view clause, else at `position`, looking at each anchor.

@@ -42,7 +42,7 @@
 //! 1. [`parser`] reads the instruction into steps and nested referring expressions ([`instruction`]); any text is accepted.
 //! 2. [`tiers`] sorts the graph into focal, peripheral and global tiers with octants (Eq. 8-9) and names; [`budget`] drops detail, the
 //!    farthest first, until [`render`]'s text fits; [`prompt`] is the reading file of this half.
-//! 3. A [`Reasoner`] proposes an action: [`SymbolicReasoner`] by rules in the paper's four steps ([`symbolic`], [`candidates`],
+//! 3. A [`Reasoner`] proposes an action: [`SymbolicReasoner`] by rules in the paper's four steps ([`symbolic`], [`mod@candidates`],
 //!    [`search`], [`grounding`], [`relations`]), or a model that is sent [`messages`] and may call [`tools`]; [`reply`] parses its text.
 //! 4. [`Critic`] checks the action against the graph as it is now; [`decide_with_critic`] retries with the objection, a bounded number
 //!    of times, then lets the symbolic reasoner decide. Nothing leaves unverified.
@@ -62,15 +62,19 @@
 
 pub mod action;
 pub mod actor_critic;
+mod attributes;
 pub mod budget;
 pub mod candidates;
 pub mod critic;
+mod extremes;
 pub mod flat;
 pub mod grounding;
 pub mod instruction;
 pub mod lexicon;
 pub mod messages;
+mod modifiers;
 pub mod names;
+mod noun_phrase;
 pub mod octant;
 pub mod parser;
 pub mod prompt;
@@ -78,6 +82,7 @@ pub mod reasoner;
 pub mod relations;
 pub mod render;
 pub mod reply;
+pub mod scene;
 pub mod scripted;
 pub mod search;
 pub mod situation;

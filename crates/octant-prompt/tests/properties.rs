@@ -177,11 +177,8 @@ mod parsers {
         fn no_reply_panics_the_parser(text in prop_oneof!["\\PC{0,300}", "[{}\\[\\]\":,a-z_()\\\\]{0,200}", "(go_near|stop|\\{\"action\":)\\PC{0,60}"]) {
             let graph = graph(2, &[], &[support::put("mug", 2.0, 2.0, 0.5)]);
             let prompt = build_prompt(&graph, &pose(2.5, 2.5, 0.0), "find the mug", &PromptConfig::default(), &Estimate);
-            if let Ok(reply) = parse_reply(&text, &prompt.names) {
-                if let Some(id) = reply.action.object() {
-                    prop_assert!(graph.object(id).is_some());
-                }
-            }
+            let named = parse_reply(&text, &prompt.names).ok().and_then(|reply| reply.action.object());
+            prop_assert!(named.is_none_or(|id| graph.object(id).is_some()));
         }
 
         #[test]

@@ -82,7 +82,7 @@ pub fn label() -> impl Strategy<Value = String> {
     prop_oneof![
         8 => prop::sample::select(vec!["chair", "table", "mug", "trash can", "sink", "box", "sofa"]).prop_map(str::to_string),
         1 => prop::sample::select(vec!["label 11", "x7", "a\nb: c; d", "TV", "caf\u{e9}", "room1", "-", "9", "\u{1F600}", "front-left-top: chair1 1.0"]).prop_map(str::to_string),
-        1 => "\\PC{1,40}",
+        1 => "\\PC{0,40}[a-z]", // the graph refuses blank labels
     ]
 }
 
@@ -96,6 +96,9 @@ pub fn objects(rooms: usize, most: usize) -> impl Strategy<Value = Vec<Put>> {
         .prop_map(|rows| rows.into_iter().map(|(label, caption, at)| Put { label, caption, at, size_m: 0.2 }).collect())
 }
 
+/// (group, class, count) of a room's line.
+pub type Groups = Vec<(String, String, usize)>;
+
 /// What a reader can tell from a prompt.
 #[derive(Debug, Default, PartialEq)]
 pub struct Decoded {
@@ -104,7 +107,7 @@ pub struct Decoded {
     /// Own room beyond: name -> (octant, group, distance).
     pub peripheral: BTreeMap<String, (String, String, String)>,
     /// Other rooms: room -> (bearing, list of (group, class, count)).
-    pub rooms: BTreeMap<String, (String, Vec<(String, String, usize)>)>,
+    pub rooms: BTreeMap<String, (String, Groups)>,
     /// Objects and rooms that are only counted.
     pub hidden_objects: usize,
     pub hidden_rooms: usize,

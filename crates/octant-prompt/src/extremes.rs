@@ -1,0 +1,91 @@
+//! Superlatives, sizes and ordinals: properties of a thing among the others.
+
+use dsg::Aabb;
+use nalgebra::{Point3, Vector2};
+
+use crate::grounding::Match;
+use crate::instruction::{AttributeKind, Referring, Superlative};
+use crate::relations::Viewer;
+use crate::scene::Scene;
+
+/// Superlatives, sizes and ordinals, among the candidates that the rest of the expression leaves.
+pub(crate) fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer) {
+    let sizes = goal.attributes.iter().filter_map(|attribute| match attribute.kind {
+        AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
+        _ => None,
+    });
+    let strong = goal.superlatives.iter().map(|superlative| (*superlative, 3.0));
+    let wanted: Vec<(Superlative, f64)> = strong.chain(sizes).collect();
+    if wanted.is_empty() && goal.ordinal.is_none() {
+        return;
+    }
+    let best = found.iter().map(|each| each.total).fold(0.0, f64::max);
+    let remaining: Vec<usize> = (0..found.len()).filter(|index| found[*index].total >= 0.5 * best).collect();
+    if remaining.len() < 2 {
+        return;
+    }
+    let order = goal.superlatives.first().copied().unwrap_or(Superlative::Nearest);
+    let order_keys = keys(order, &remaining, found, scene, viewer);
+    for (superlative, strength) in wanted {
+        if goal.ordinal.is_some() && strength > 1.0 && superlative == order {
+            continue; // it is the direction of counting
+        }
+        let keys = keys(superlative, &remaining, found, scene, viewer);
+        let (low, high) =
+            keys.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), key| (low.min(*key), high.max(*key)));
+        let span = (high - low).max(1e-9);
+        for (&index, key) in remaining.iter().zip(&keys) {
+            let rank = if strength < 0.0 { (high - key) / span } else { (key - low) / span };
+            found[index].total *= (-strength.abs() * rank).exp();
+        }
+    }
+    if let Some(ordinal) = goal.ordinal {
+        let mut sorted: Vec<(f64, usize)> = order_keys.into_iter().zip(remaining).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let wanted =
+            if ordinal == u32::MAX { sorted.len() - 1 } else { (ordinal.max(1) as usize - 1).min(sorted.len() - 1) };
+        for (position, (_, index)) in sorted.into_iter().enumerate() {
+            if position != wanted {
+                found[index].total *= 0.1;
+            }
+        }
+    }
+}
+
+/// The key by which a superlative orders: the wanted end is the least.
+fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
+    let boxes: Vec<&Aabb> = remaining.iter().map(|index| &scene.things[found[*index].index].bounds).collect();
+    let middle = Point3::from(
+        boxes.iter().map(|bounds| bounds.center().coords).sum::<nalgebra::Vector3<f64>>() / boxes.len() as f64,
+    );
+    let forward = viewer.forward_to(&middle);
+    let left = Vector2::new(-forward.y, forward.x);
+    let key = |bounds: &Aabb| {
+        let (center, sides) = (bounds.center(), bounds.sides_m());
+        let offset = (center - viewer.position).xy();
+        match superlative {
+            Superlative::Nearest | Superlative::Frontmost => bounds.distance_to_point_m(&viewer.position),
+            Superlative::Farthest | Superlative::Backmost => -bounds.distance_to_point_m(&viewer.position),
+            Superlative::Largest => -bounds.volume_m3().max(1e-9).cbrt(),
+            Superlative::Smallest => bounds.volume_m3().max(1e-9).cbrt(),
+            Superlative::Tallest => -sides.z,
+            Superlative::Shortest => sides.z,
+            Superlative::Longest | Superlative::Widest => -sides.x.max(sides.y),
+            Superlative::Narrowest => sides.x.max(sides.y),
+            Superlative::Highest => -center.z,
+            Superlative::Lowest => center.z,
+            Superlative::Leftmost => -offset.dot(&left),
+            Superlative::Rightmost => offset.dot(&left),
+            Superlative::Middle => (center - middle).xy().norm(),
+            Superlative::Corner => -corner_key_m(bounds, scene),
+        }
+    };
+    boxes.into_iter().map(key).collect()
+}
+
+/// Distance from the middle of all things along both axes: large in the corners.
+fn corner_key_m(bounds: &Aabb, scene: &Scene) -> f64 {
+    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b)).unwrap_or(*bounds);
+    let offset = (bounds.center() - all.center()).xy();
+    offset.x.abs().min(offset.y.abs())
+}
