@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::building::{Building, BuildingConfig, RoomKind, RoomTruth, SceneError};
 use crate::caption::write_captions;
 use crate::door_leaves::hang_leaves;
-use crate::doors::{PlanDoor, draw_doors};
+use crate::doors::{PlanDoor, draw_doors, leads_through_private_rooms};
 use crate::floorplan::{StoreyPlan, draw_plans};
 use crate::furniture::{essentials, furnish};
 use crate::item::{Item, add_items};
@@ -33,7 +33,7 @@ const ROOM_ATTEMPTS_MAX: usize = 12;
 pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
     config.validate()?;
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
-    for _ in 0..PLAN_ATTEMPTS {
+    for attempt in 0..PLAN_ATTEMPTS {
         let Some(plans) = draw_plans(
             &mut rng,
             config.style,
@@ -46,7 +46,13 @@ pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
             .iter()
             .map(|p| draw_doors(&mut rng, p, config.min_door_m))
             .collect();
-        if let Some(doors) = doors {
+        let Some(doors) = doors else { continue };
+        // Nobody likes to reach the bedroom through the bathroom, but it is better than no building.
+        let is_awkward = plans
+            .iter()
+            .zip(&doors)
+            .any(|(p, d)| leads_through_private_rooms(p, d));
+        if !is_awkward || attempt >= PLAN_ATTEMPTS / 2 {
             return Ok(raise(
                 &plans,
                 &doors,

@@ -10,7 +10,7 @@ use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
 use crate::building::{Bounds, Rect};
-use crate::catalog::{Class, Mount, Use, class};
+use crate::catalog::{Class, Mount, class};
 use crate::colors::draw_color;
 use crate::item::{Item, THIN_M, extent};
 use crate::models::build;

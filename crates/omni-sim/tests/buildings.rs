@@ -123,6 +123,36 @@ fn check_rooms(c: &BuildingConfig, b: &Building) {
 }
 
 #[test]
+fn nobody_walks_through_a_bathroom() {
+    for (c, b) in bag() {
+        for hidden in b
+            .rooms
+            .iter()
+            .filter(|r| matches!(r.kind, RoomKind::Bathroom | RoomKind::Restroom))
+        {
+            let mut known = BTreeSet::from([u32::from(hidden.id == 0)]);
+            let doors: Vec<_> = b
+                .doors
+                .iter()
+                .filter(|d| d.rooms.0 != hidden.id && d.rooms.1 != hidden.id)
+                .collect();
+            while let Some(d) = doors
+                .iter()
+                .find(|d| known.contains(&d.rooms.0) != known.contains(&d.rooms.1))
+            {
+                known.extend([d.rooms.0, d.rooms.1]);
+            }
+            assert_eq!(
+                known.len() + 1,
+                b.rooms.len(),
+                "{c:?}: {} is a passage",
+                hidden.name
+            );
+        }
+    }
+}
+
+#[test]
 fn things_stand_apart_and_rest_on_something() {
     bag().iter().for_each(|(c, b)| check_objects(c, b));
 }
