@@ -25,7 +25,7 @@ pub struct AirConfig {
     pub search_resolution_m: f64,
     /// Bound on the search (150 000).
     pub max_expansions: usize,
-    /// A corridor polytope reaches at most this far from its part of the route (1.0).
+    /// A corridor polytope reaches at most this far from its part of the route (0.8).
     pub corridor_reach_m: f64,
     /// A goal that is not free is replaced by the nearest free point within this distance (0.6).
     pub goal_pull_m: f64,
@@ -45,7 +45,7 @@ impl Default for AirConfig {
             nearness_weight: 2.0,
             search_resolution_m: 0.10,
             max_expansions: 150_000,
-            corridor_reach_m: 1.0,
+            corridor_reach_m: 0.8,
             goal_pull_m: 0.6,
         }
     }

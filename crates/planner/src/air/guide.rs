@@ -11,6 +11,9 @@ use super::search::SearchGrid;
 /// Heights tried for the guide, relative to the preferred one: the first free one counts.
 const GUIDE_LAYERS_M: [f64; 5] = [0.0, 0.3, -0.3, 0.6, -0.6];
 
+/// The estimate is made this much larger: far fewer expansions for a route at most this much dearer (weighted A*).
+const GREED: f32 = 1.15;
+
 /// An estimate of the cost to go: Dijkstra from the goal over the plan view (a cell is free if it is at one of a few
 /// heights), plus the climb. Where the plan view tells nothing, the straight distance.
 pub(crate) struct Guide {
@@ -133,7 +136,8 @@ impl Guide {
         let climb =
             ((position.z - self.preferred_z).abs() + (self.preferred_z - self.goal.z).abs()) as f32;
         // Far from the goal the climb comes on top, near it the way is slanting.
-        0.5 * (planar + climb + planar.hypot((position.z - self.goal.z) as f32))
+        let slant = planar.hypot((position.z - self.goal.z) as f32);
+        GREED * 0.5 * (planar + climb + slant)
     }
 }
 

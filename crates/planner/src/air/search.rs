@@ -17,7 +17,7 @@ use super::guide::{Entry, Guide};
 /// Most lattice points the search box may have; memory is touched only where the search goes.
 const MAX_NODES: usize = 6_000_000;
 /// The search box reaches this far beyond start and goal, horizontally and vertically, if that is not too many points.
-const REACH_M: [f64; 3] = [9.0, 9.0, 3.0];
+const REACH_M: [f64; 3] = [8.0, 8.0, 1.6];
 /// Clearances are stored in steps of this many metres.
 const STEP_M: f64 = 0.001;
 const UNSET: u16 = 0;
@@ -202,7 +202,7 @@ impl<'a> SearchGrid<'a> {
     pub fn is_free(&self, node: usize) -> bool {
         self.clearance(node)
             .is_some_and(|c| c >= self.needed_m - self.lenience_m)
-            && self.forbidden.binary_search(&node).is_err()
+            && (self.forbidden.is_empty() || self.forbidden.binary_search(&node).is_err())
     }
 
     /// Lets free points lack half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
@@ -275,6 +275,19 @@ impl<'a> SearchGrid<'a> {
         // Cost + 1, so that zeroed memory (not touched until used) means "not seen".
         let mut cost = vec![0.0f32; nodes];
         let mut came: Vec<u8> = vec![0; nodes];
+        // Price of free points, negative for blocked ones, 0 = not asked.
+        let mut prices = vec![0.0f32; nodes];
+        let mut price = |node: usize| {
+            if prices[node] == 0.0 {
+                let free = self.is_free(node);
+                prices[node] = if free {
+                    self.price(node, preferred_z, config) as f32
+                } else {
+                    -1.0
+                };
+            }
+            prices[node]
+        };
         let steps = self.steps();
         let guide = Guide::new(self, from, to, preferred_z, config);
         let bound = |node: usize| guide.cost_to_go(self, node);
@@ -302,7 +315,7 @@ impl<'a> SearchGrid<'a> {
             if *expansions > config.max_expansions {
                 return SearchOutcome::ExpansionLimit;
             }
-            let here = self.price(node, preferred_z, config);
+            let here = price(node).max(1.0);
             let index = self.index(node);
             for (k, step) in steps.iter().enumerate() {
                 let inside = (0..3).all(|axis| {
@@ -313,15 +326,16 @@ impl<'a> SearchGrid<'a> {
                     continue;
                 }
                 let other = (node as i64 + step.offset) as usize;
-                // The cheapest this edge can be: a quick way out before the distance field is asked.
-                if cost[other] != 0.0 && reached + step.length + 1.0 >= cost[other] {
+                // No price is below 1: a quick way out for points that were reached as cheaply.
+                let least = reached + step.length * 0.5 * (here + 1.0);
+                if cost[other] != 0.0 && least + 1.0 >= cost[other] {
                     continue;
                 }
-                if !self.is_free(other) {
+                let there = price(other);
+                if there < 0.0 {
                     continue;
                 }
-                let price = 0.5 * (here + self.price(other, preferred_z, config));
-                let next = reached + step.length * price as f32;
+                let next = reached + step.length * 0.5 * (here + there);
                 if cost[other] == 0.0 || next + 1.0 < cost[other] {
                     cost[other] = next + 1.0;
                     came[other] = k as u8;

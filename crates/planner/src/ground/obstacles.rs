@@ -9,7 +9,7 @@ use super::footprint::Footprint;
 /// Cell of the distance picture.
 const CELL_M: f64 = 0.05;
 /// Side of a bucket of points.
-const BUCKET_M: f64 = 0.25;
+const BUCKET_M: f64 = 0.15;
 /// Two points in two cells: their distance is at least that of the cell centres minus two half diagonals.
 const SLACK_M: f64 = CELL_M * std::f64::consts::SQRT_2;
 
@@ -129,19 +129,24 @@ impl ObstacleField {
         let mut clearance = reach_m;
         let (sin, cos) = pose.yaw.sin_cos();
         let mut tightened = Vec::new();
-        self.for_near(pose, footprint.circumscribed_radius_m + reach_m, |k, p| {
-            let (dx, dy) = (p[0] - pose.x, p[1] - pose.y);
-            let body = Point2::new(cos * dx + sin * dy, cos * dy - sin * dx);
-            let side = footprint.side_distance(body.x, body.y);
-            if side < clearance {
-                clearance = clearance.min(footprint.distance(&body));
-            }
-            if side < margin_m {
-                // A rounding less than now; more would let the robot creep nearer cycle by cycle.
-                tightened.push((k as u32, side - 1e-6));
-            }
-            true
-        });
+        self.for_near(
+            pose,
+            footprint.circumscribed_radius_m + reach_m,
+            |_, _| true,
+            |k, p| {
+                let (dx, dy) = (p[0] - pose.x, p[1] - pose.y);
+                let body = Point2::new(cos * dx + sin * dy, cos * dy - sin * dx);
+                let side = footprint.side_distance(body.x, body.y);
+                if side < clearance {
+                    clearance = clearance.min(footprint.distance(&body));
+                }
+                if side < margin_m {
+                    // A rounding less than now; more would let the robot creep nearer cycle by cycle.
+                    tightened.push((k as u32, side - 1e-6));
+                }
+                true
+            },
+        );
         for (k, required) in tightened {
             self.required[k as usize] = required;
             self.tightened.push(k);
@@ -155,15 +160,19 @@ impl ObstacleField {
             return true;
         }
         let (sin, cos) = pose.yaw.sin_cos();
+        // A bucket further from every side than this cannot hold a point that binds.
+        let beyond = margin_m + BUCKET_M * std::f64::consts::FRAC_1_SQRT_2;
+        let body = |x: f64, y: f64| {
+            let (dx, dy) = (x - pose.x, y - pose.y);
+            footprint.side_distance(cos * dx + sin * dy, cos * dy - sin * dx)
+        };
         // Mitred corners reach at most sqrt(2) margins out for corners of 90 degrees and more.
+        let reach_m = footprint.circumscribed_radius_m + 1.5 * margin_m;
         self.for_near(
             pose,
-            footprint.circumscribed_radius_m + 1.5 * margin_m,
-            |k, p| {
-                let (dx, dy) = (p[0] - pose.x, p[1] - pose.y);
-                let side = footprint.side_distance(cos * dx + sin * dy, cos * dy - sin * dx);
-                side >= margin_m.min(self.required[k])
-            },
+            reach_m,
+            |x, y| body(x, y) <= beyond,
+            |k, p| body(p[0], p[1]) >= margin_m.min(self.required[k]),
         )
     }
 
@@ -187,11 +196,12 @@ impl ObstacleField {
         least - footprint.disc_radius_m - SLACK_M
     }
 
-    /// Calls `visit` for the points in a square round the pose until it returns false; whether it never did.
+    /// Calls `visit` for the points of the buckets in a square round the pose whose centre is wanted, until it returns false; whether it never did.
     fn for_near(
         &self,
         pose: &Pose,
         reach_m: f64,
+        wants: impl Fn(f64, f64) -> bool,
         mut visit: impl FnMut(usize, &[f64; 2]) -> bool,
     ) -> bool {
         if self.points.is_empty() {
@@ -206,6 +216,13 @@ impl ObstacleField {
         for by in range(pose.y, self.low.y) {
             for bx in range(pose.x, self.low.x) {
                 let bucket = by * self.buckets + bx;
+                if self.start[bucket] == self.start[bucket + 1] {
+                    continue;
+                }
+                let (x, y) = ((bx as f64 + 0.5) * BUCKET_M, (by as f64 + 0.5) * BUCKET_M);
+                if !wants(self.low.x + x, self.low.y + y) {
+                    continue;
+                }
                 for k in self.start[bucket] as usize..self.start[bucket + 1] as usize {
                     if !visit(k, &self.points[k]) {
                         return false;
