@@ -26,7 +26,7 @@ pub struct MissionConfig {
     pub refresh_period_s: f64,
     /// Commands: every so many seconds, default 0.02.
     pub control_period_s: f64,
-    /// Standing still at the start until the LiDAR's motor has turned once half round, default 1.2 s.
+    /// Standing still at the start until the LiDAR's motor has turned once round, default 2.0 s.
     pub first_look_s: f64,
     /// From the snapshot to the answer of the embedded reasoner, default 0.2 s: a robot goes on while somebody thinks,
     /// and a replay must give the same bytes, so the delay is a number and not the clock.
@@ -61,7 +61,7 @@ impl Default for MissionConfig {
             field_max_distance_m: 2.0,
             refresh_period_s: 0.5,
             control_period_s: 0.02,
-            first_look_s: 1.2,
+            first_look_s: 2.0,
             reasoning_latency_s: 0.2,
             decision_period_s: 1.0,
             label_delay_s: 0.4,

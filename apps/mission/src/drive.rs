@@ -123,7 +123,7 @@ impl Drive {
             (Goal::Reach { heading_rad, target, tolerance_m }, GoalStatus::Underway) => {
                 let end = self.path.last().copied();
                 let is_there = (target - here).norm() <= *tolerance_m
-                    && end.is_none_or(|end| (end - here).norm() <= tolerance_m.min(0.25));
+                    && end.is_some_and(|end| (end - here).norm() <= tolerance_m.min(0.25));
                 if is_there && heading_rad.is_none() {
                     self.status = GoalStatus::Arrived;
                 }

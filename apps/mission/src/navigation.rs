@@ -94,7 +94,9 @@ impl NavigationMap {
     }
 
     fn remember_footprint(&mut self, at: &Point2<f64>) {
-        let reach = (self.radius_m / KEY_M).ceil() as i64;
+        // The sensors are blind for what is nearest to the body's outline.
+        const BLIND_M: f64 = 0.12;
+        let reach = ((self.radius_m + BLIND_M) / KEY_M).ceil() as i64;
         let (cx, cy) = key(at.x, at.y);
         for dy in -reach..=reach {
             for dx in -reach..=reach {

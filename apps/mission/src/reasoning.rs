@@ -208,8 +208,14 @@ impl Mission {
             // Stood there and it is still a frontier: nothing more is to be seen from here.
             let at = place.position.xy();
             let here = self.world.odometry.as_ref().map(|o| Point2::from(o.world_from_body.translation.vector.xy()));
-            if here.is_some_and(|here| (here - at).norm() < 1.5) {
+            let now_s = self.world.odometry.as_ref().map_or(0.0, |o| self.seconds(o.stamp));
+            const NEAR_M: f64 = 1.5;
+            const PAUSE_S: f64 = 10.0;
+            if here.is_some_and(|here| (here - at).norm() < NEAR_M) {
                 self.world.coverage.give_up(&at);
+            } else {
+                // As near as could be, and not near enough: perhaps from elsewhere.
+                self.world.coverage.postpone(&at, now_s + PAUSE_S);
             }
         }
     }
@@ -334,8 +340,8 @@ impl Mission {
             Action::GiveUp { reason } => {
                 // What could not be reached earlier gets another chance before the search is over.
                 const REPRIEVES: u32 = 2;
-                let is_left = self.world.coverage.reconsider() | !self.memory.rejected.is_empty();
-                if is_left && self.memory.reprieves < REPRIEVES {
+                if self.memory.reprieves < REPRIEVES {
+                    self.world.coverage.reconsider();
                     self.memory.reprieves += 1;
                     self.memory.rejected.clear();
                     self.next_decision_s = t_s + 2.0 * self.config.refresh_period_s;
@@ -395,7 +401,8 @@ impl Mission {
             }
             Action::Explore(id) => {
                 let place = self.world.graph.place(*id)?;
-                Some(Goal::Reach { target: place.position.xy(), tolerance_m: 1.2, heading_rad: None })
+                // The way may end before unmeasured space; from there more of it is seen.
+                Some(Goal::Reach { target: place.position.xy(), tolerance_m: 4.0, heading_rad: None })
             }
             Action::GoToRoom(id) => {
                 let room = self.world.graph.room(*id)?;

@@ -166,11 +166,20 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
     };
     let room_is_open = known.places.iter().any(|place| place.is_in_wanted_room);
     let weight = |candidate: &ObjectCandidate| candidate.found.total * if preferred(candidate) { 1.0 } else { 0.75 };
+    // While places are left, a better answer may be in one of them: only a clear one ends the search.
+    let is_clear = |candidate: &ObjectCandidate| {
+        let found = &candidate.found;
+        let weakest = found.class.min(found.weakest_relation).min(found.room);
+        !searching || weakest >= config.accept_while_searching
+    };
     let pool: Vec<&ObjectCandidate> = known
         .objects
         .iter()
         .filter(|candidate| {
-            candidate.is_accepted && candidate.path_m.is_some() && (preferred(candidate) || !room_is_open)
+            candidate.is_accepted
+                && is_clear(candidate)
+                && candidate.path_m.is_some()
+                && (preferred(candidate) || !room_is_open)
         })
         .collect();
     let may_be_beaten = searching && needs_whole_map(goal, known);

@@ -23,13 +23,18 @@ pub struct GroundingConfig {
     pub accept_relation: f64,
     /// Least score of the attributes together. Default 0.4: an unknown colour (0.5) passes, a wrong one does not.
     pub accept_attributes: f64,
+    /// Least class, relation and room score of an answer that ends the search although reachable places are left. Default 0.72: a
+    /// general word for a special thing (0.7: "desk" for "reception desk") and a room of doubtful kind are not enough.
+    pub accept_while_searching: f64,
     /// Least total of the best guess once nothing is left to search. Default 0.12.
     pub accept_at_last: f64,
 }
 
 impl Default for GroundingConfig {
     fn default() -> Self {
-        GroundingConfig { accept: 0.6, accept_relation: 0.5, accept_attributes: 0.4, accept_at_last: 0.12 }
+        GroundingConfig { accept: 0.6, accept_relation: 0.5, accept_attributes: 0.4,
+            accept_while_searching: 0.72,
+            accept_at_last: 0.12 }
     }
 }
 
@@ -41,7 +46,13 @@ pub struct GroundingConfigError;
 impl GroundingConfig {
     /// Checks that every threshold is in [0, 1].
     pub fn validate(&self) -> Result<(), GroundingConfigError> {
-        let all = [self.accept, self.accept_relation, self.accept_attributes, self.accept_at_last];
+        let all = [
+            self.accept,
+            self.accept_relation,
+            self.accept_attributes,
+            self.accept_while_searching,
+            self.accept_at_last,
+        ];
         if all.iter().all(|value| (0.0..=1.0).contains(value)) { Ok(()) } else { Err(GroundingConfigError) }
     }
 }
