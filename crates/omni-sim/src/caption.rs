@@ -264,6 +264,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_misread_mug_has_the_caption_of_a_vase() {
+        let b = crate::scenes::named_scene("flat").expect("a named scene");
+        let mug = b
+            .objects
+            .iter()
+            .find(|o| o.class == "mug")
+            .expect("the flat has mugs");
+        let caption = misread(mug, "vase");
+        assert!(
+            caption.contains("vase") && caption.contains("holding flowers"),
+            "{caption}"
+        );
+        assert!(caption.contains(&mug.color) && !caption.contains(&mug.function));
+        assert_ne!(caption, mug.caption);
+    }
+
+    #[test]
     fn articles_follow_the_next_word() {
         assert_eq!(
             articles("A orange mug beside an blue bowl, a oak desk"),

@@ -165,7 +165,7 @@ pub const CLASSES: &[Class] = &[
     row("staircase", Form::Box, [(2.5, 2.6), (3.0, 4.0), (2.8, 2.8)], Floor, Any, &["grey", "beige", "brown"], &["concrete"], "going up and down", &["storage rack"]),
     row("door", Form::Box, [(1.00, 1.40), (0.04, 0.04), (2.00, 2.03)], Floor, Any, &["white", "brown", "beige", "grey", "blue"], WOOD, "closing a room", &["wardrobe", "whiteboard"]),
     // On walls
-    row("window", Form::Window, [(1.00, 1.60), (0.03, 0.03), (1.10, 1.30)], Wall(0.90), Any, &["blue"], &["glass"], "letting daylight in", &["picture", "mirror"]),
+    row("window", Form::Window, [(1.00, 1.60), (0.03, 0.03), (1.10, 1.30)], Wall(0.90), Any, &["white"], &["glass"], "letting daylight in", &["picture", "mirror"]),
     row("radiator", Form::Radiator, [(0.80, 1.20), (0.09, 0.11), (0.50, 0.60)], Wall(0.12), Any, &["white", "grey"], METAL, "heating", &["bench", "cabinet"]),
     row("picture", Form::Framed, [(0.50, 0.90), (0.03, 0.03), (0.40, 0.70)], Wall(1.15), Any, &["blue", "red", "green", "yellow", "orange", "purple", "pink"], &["canvas", "paper"], "decoration", &["window", "mirror"]),
     row("mirror", Form::Framed, [(0.50, 0.80), (0.03, 0.03), (0.70, 0.90)], Wall(1.05), Any, &["grey"], &["glass"], "looking at oneself", &["picture", "window"]),

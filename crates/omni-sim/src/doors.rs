@@ -43,30 +43,73 @@ pub fn draw_doors(rng: &mut impl Rng, plan: &StoreyPlan, min_door_m: f64) -> Opt
     }
     candidates.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
 
+    // Rooms that nobody should have to walk through come last, as leaves of the tree; if that leaves the building in pieces,
+    // any wall will do.
+    let is_private = |i: usize| is_private(plan.rooms[i].kind);
     let mut group: Vec<usize> = (0..plan.rooms.len()).collect();
     let mut doors: Vec<PlanDoor> = Vec::new();
-    for (_, a, b, border, custom) in candidates {
-        let joins = group[a] != group[b];
-        // A door more than needed only where custom likes it.
-        let extra = !joins && custom >= 4.0 && custom < 9.0 && rng.random_bool(0.3);
-        if !(joins || extra) {
-            continue;
-        }
-        let (ka, kb) = (plan.rooms[a].kind, plan.rooms[b].kind);
-        if let Some(opening) = place(rng, &border, least, width_range(ka, kb), &doors) {
-            doors.push(PlanDoor {
-                rooms: (a, b),
-                opening,
-            });
-            let (from, to) = (group[a], group[b]);
-            group
-                .iter_mut()
-                .filter(|g| **g == from)
-                .for_each(|g| *g = to);
+    for pass in 0..3 {
+        for &(_, a, b, border, custom) in &candidates {
+            let turn = match (is_private(a), is_private(b)) {
+                (false, false) => 0,
+                (true, true) => 2,
+                _ => 1,
+            };
+            let joins = group[a] != group[b];
+            // A door more than needed only where custom likes it.
+            let extra =
+                !joins && (4.0..9.0).contains(&custom) && turn == pass && rng.random_bool(0.3);
+            let leaf_is_placed = pass == 1
+                && [a, b].iter().any(|&r| {
+                    is_private(r) && doors.iter().any(|d| d.rooms.0 == r || d.rooms.1 == r)
+                });
+            if turn > pass || !((joins && !leaf_is_placed) || extra) {
+                continue;
+            }
+            let (ka, kb) = (plan.rooms[a].kind, plan.rooms[b].kind);
+            if let Some(opening) = place(rng, &border, least, width_range(ka, kb), &doors) {
+                doors.push(PlanDoor {
+                    rooms: (a, b),
+                    opening,
+                });
+                let (from, to) = (group[a], group[b]);
+                group
+                    .iter_mut()
+                    .filter(|g| **g == from)
+                    .for_each(|g| *g = to);
+            }
         }
     }
     doors.sort_by_key(|d| (d.rooms, d.opening.line, d.opening.from));
     group.iter().all(|g| *g == group[0]).then_some(doors)
+}
+
+/// Rooms nobody should have to walk through.
+fn is_private(kind: RoomKind) -> bool {
+    matches!(
+        kind,
+        RoomKind::Bathroom | RoomKind::Restroom | RoomKind::StorageRoom | RoomKind::LaundryRoom
+    )
+}
+
+/// True if the only way between two other rooms leads through a bathroom, a storage room or the like.
+pub fn leads_through_private_rooms(plan: &StoreyPlan, doors: &[PlanDoor]) -> bool {
+    (0..plan.rooms.len())
+        .filter(|&i| is_private(plan.rooms[i].kind))
+        .any(|hidden| {
+            let start = usize::from(hidden == 0);
+            let mut known = vec![false; plan.rooms.len()];
+            known[start] = true;
+            let open = |d: &&PlanDoor| d.rooms.0 != hidden && d.rooms.1 != hidden;
+            while let Some(d) = doors
+                .iter()
+                .filter(open)
+                .find(|d| known[d.rooms.0] != known[d.rooms.1])
+            {
+                (known[d.rooms.0], known[d.rooms.1]) = (true, true);
+            }
+            (0..known.len()).any(|i| i != hidden && !known[i])
+        })
 }
 
 /// How natural a doorway between two kinds of rooms is.
@@ -202,6 +245,17 @@ mod tests {
                 .iter()
                 .all(|d| d.width_m() >= 1.0 && d.width_m() <= 1.4 + 1e-9)
         );
+    }
+
+    #[test]
+    fn a_bathroom_between_two_rooms_is_found_out() {
+        let mut plan = three_in_a_row();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let doors = draw_doors(&mut rng, &plan, 1.0).expect("walls are 4 m long");
+        assert!(!leads_through_private_rooms(&plan, &doors));
+        plan.rooms[1].kind = RoomKind::Bathroom;
+        let doors = draw_doors(&mut rng, &plan, 1.0).expect("walls are 4 m long");
+        assert!(leads_through_private_rooms(&plan, &doors));
     }
 
     #[test]

@@ -1,25 +1,23 @@
 //! From a seed to a building: programme, plan, doors, walls, furniture, small things, captions, one step after the other.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::Vector2;
+use rand::SeedableRng;
 use rand::seq::IndexedRandom;
-use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::building::{
-    Building, BuildingConfig, DoorAxis, DoorTruth, ObjectTruth, RoomKind, RoomTruth, SceneError,
-};
+use crate::building::{Building, BuildingConfig, RoomKind, RoomTruth, SceneError};
 use crate::caption::write_captions;
-use crate::catalog::class;
-use crate::colors::draw_color;
-use crate::doors::{PlanDoor, draw_doors};
+use crate::door_leaves::hang_leaves;
+use crate::doors::{PlanDoor, draw_doors, leads_through_private_rooms};
 use crate::floorplan::{StoreyPlan, draw_plans};
 use crate::furniture::{essentials, furnish};
-use crate::mesh::{Mover, TriangleMesh};
-use crate::models::build;
-use crate::placement::{Furnisher, Item, Place, RoomSpace, is_viewable};
-use crate::shape::{Model, Part, Placement, Solid};
+use crate::item::{Item, add_items};
+use crate::mesh::TriangleMesh;
+use crate::placement::{Furnisher, RoomSpace};
 use crate::small_things::strew;
-use crate::walls::{CEILING_M, Finish, SLAB_M, STOREY_M, StairShaft, StoreyWalls, stair_hole};
+use crate::stairs::{add_shaft, add_stairs, stair_shaft};
+use crate::viewing::is_viewable;
+use crate::walls::{CEILING_M, Finish, STOREY_M, StoreyWalls};
 
 /// Plans drawn before giving up on a seed.
 const PLAN_ATTEMPTS: usize = 40;
@@ -35,7 +33,7 @@ const ROOM_ATTEMPTS_MAX: usize = 12;
 pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
     config.validate()?;
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
-    for _ in 0..PLAN_ATTEMPTS {
+    for attempt in 0..PLAN_ATTEMPTS {
         let Some(plans) = draw_plans(
             &mut rng,
             config.style,
@@ -48,7 +46,13 @@ pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
             .iter()
             .map(|p| draw_doors(&mut rng, p, config.min_door_m))
             .collect();
-        if let Some(doors) = doors {
+        let Some(doors) = doors else { continue };
+        // Nobody likes to reach the bedroom through the bathroom, but it is better than no building.
+        let is_awkward = plans
+            .iter()
+            .zip(&doors)
+            .any(|(p, d)| leads_through_private_rooms(p, d));
+        if !is_awkward || attempt >= PLAN_ATTEMPTS / 2 {
             return Ok(raise(
                 &plans,
                 &doors,
@@ -110,7 +114,7 @@ pub(crate) fn raise(
     rng.set_stream(1);
     let thickness_m = *[0.10, 0.11, 0.12].choose(&mut rng).unwrap_or(&0.12);
     let shaft = if plans.len() > 1 {
-        stair_hole(&plans[0], &doors[0], thickness_m)
+        stair_shaft(&plans[0], &doors[0], thickness_m)
     } else {
         None
     };
@@ -269,80 +273,6 @@ fn try_furnishing(
     .collect()
 }
 
-/// Some doorways have a leaf, opened flat against the wall beside them.
-fn hang_leaves(furnisher: &mut Furnisher, kind: RoomKind) {
-    if matches!(
-        kind,
-        RoomKind::Hallway | RoomKind::Corridor | RoomKind::Stairwell
-    ) {
-        return; // leaves open into the rooms
-    }
-    let Some(leaf_class) = class("door") else {
-        return;
-    };
-    for (middle, inward, width) in furnisher.space.doors.clone() {
-        if !furnisher.rng.random_bool(0.45) {
-            continue;
-        }
-        let along = Vector2::new(-inward.y, inward.x);
-        let color = leaf_class
-            .colors
-            .choose(furnisher.rng)
-            .copied()
-            .unwrap_or("white");
-        let rgb = draw_color(furnisher.rng, color);
-        let model = build(leaf_class.form, width, 0.04, 2.0, rgb);
-        let side = if furnisher.rng.random_bool(0.5) {
-            1.0
-        } else {
-            -1.0
-        };
-        for s in [side, -side] {
-            // 3 cm clear of the wall and 6 cm clear of the jamb.
-            let p = middle + along * s * (width + 0.06) + inward * 0.05;
-            let origin = Point3::new(p.x, p.y, furnisher.space.floor_z_m + 0.01);
-            let placement = Placement {
-                origin,
-                yaw_rad: inward.y.atan2(inward.x),
-            };
-            let bounds = model.bounds(&placement);
-            // The wall behind the leaf must be whole.
-            let foot = bounds.footprint();
-            let backed = furnisher.space.faces.iter().any(|f| {
-                let r = f.rect().grown(0.08);
-                f.inward == inward && r.contains(&foot.min) && r.contains(&foot.max)
-            });
-            if !backed || !furnisher.is_clear(leaf_class, &bounds) {
-                continue;
-            }
-            let item = Item {
-                class: leaf_class,
-                color,
-                rgb,
-                material: "wood",
-                parts: model.part_bounds(&placement),
-                model: model.clone(),
-                placement,
-                bounds,
-                support: None,
-                is_mover: true,
-            };
-            if furnisher.accept(item) {
-                break;
-            }
-        }
-    }
-}
-
-impl Furnisher<'_> {
-    /// The closed door to the outside, on an outer wall; its front stays free.
-    fn put_entrance(&mut self) {
-        if let Some(index) = self.put("door", Place::OuterWall, None) {
-            self.keep_front_free(index);
-        }
-    }
-}
-
 /// The room one enters first: hallway or corridor, else reception, living room or the first room.
 fn entrance_room(plan: &StoreyPlan) -> usize {
     let first = |kind: RoomKind| plan.rooms.iter().position(|r| r.kind == kind);
@@ -387,144 +317,6 @@ fn door_fronts(
             (r.center() + inward * half, inward, d.width_m())
         })
         .collect()
-}
-
-fn add_items(building: &mut Building, items: Vec<Item>, room: u32) {
-    let first = building.objects.len() as u32 + 1;
-    for (k, item) in items.into_iter().enumerate() {
-        let id = first + k as u32;
-        if item.is_mover {
-            let mut mesh = TriangleMesh::default();
-            item.model.push(
-                &mut mesh,
-                &Placement {
-                    origin: Point3::origin(),
-                    yaw_rad: 0.0,
-                },
-                id,
-            );
-            let rotation =
-                UnitQuaternion::from_axis_angle(&Vector3::z_axis(), item.placement.yaw_rad);
-            let pose =
-                Isometry3::from_parts(Translation3::from(item.placement.origin.coords), rotation);
-            building.movers.push(Mover {
-                instance: id,
-                mesh,
-                path: vec![(0, pose)],
-            });
-        } else {
-            item.model.push(&mut building.mesh, &item.placement, id);
-        }
-        building.objects.push(ObjectTruth {
-            id,
-            class: item.class.name.to_string(),
-            color: item.color.to_string(),
-            rgb: item.rgb,
-            material: item.material.to_string(),
-            function: item.class.function.to_string(),
-            caption: String::new(),
-            bounds: item.bounds,
-            yaw_rad: item.placement.yaw_rad,
-            room,
-            supported_by: item.support.map(|s| first + s as u32),
-        });
-    }
-}
-
-/// Two flights of solid steps with a landing half-way, turning left or right of the middle.
-fn add_stairs(building: &mut Building, rng: &mut ChaCha8Rng, shaft: &StairShaft, room: u32) {
-    let Some(class) = class("staircase") else {
-        return;
-    };
-    let color = class.colors.choose(rng).copied().unwrap_or("grey");
-    let rgb = draw_color(rng, color);
-    // Model frame: x from the landing inwards, y to the left, origin in the middle of the hole.
-    let along_x = shaft.inward.x.abs() > 0.5;
-    let (deep, wide) = if along_x {
-        (shaft.hole.width_m(), shaft.hole.height_m())
-    } else {
-        (shaft.hole.height_m(), shaft.hole.width_m())
-    };
-    let steps = 8;
-    let rise = STOREY_M / (2 * steps) as f64;
-    let half_landing = 1.1f64.min(deep * 0.35);
-    let run = (deep - half_landing) / steps as f64;
-    let mut model = Model::default();
-    let mut block = |x0: f64, x1: f64, y0: f64, y1: f64, z1: f64| {
-        model.parts.push(Part {
-            solid: Solid::Block {
-                min: Point3::new(x0, y0, 0.0),
-                max: Point3::new(x1, y1, z1),
-            },
-            rgb,
-        });
-    };
-    let x0 = -deep / 2.0;
-    for k in 0..steps {
-        let x = x0 + run * k as f64;
-        block(x, x + run, 0.0, wide / 2.0, rise * (k + 1) as f64);
-        // The second flight comes back towards the landing; its last step is the upper floor itself.
-        let high = rise * (2 * steps - k) as f64;
-        block(
-            x,
-            x + run,
-            -wide / 2.0,
-            0.0,
-            if k == 0 { high - 0.001 } else { high },
-        );
-    }
-    block(
-        deep / 2.0 - half_landing,
-        deep / 2.0,
-        -wide / 2.0,
-        wide / 2.0,
-        rise * steps as f64,
-    );
-    let middle = shaft.hole.center();
-    let placement = Placement {
-        origin: Point3::new(middle.x, middle.y, 0.0),
-        yaw_rad: shaft.inward.y.atan2(shaft.inward.x),
-    };
-    let item = Item {
-        class,
-        color,
-        rgb,
-        material: "concrete",
-        bounds: model.bounds(&placement),
-        parts: model.part_bounds(&placement),
-        model,
-        placement,
-        support: None,
-        is_mover: false,
-    };
-    // A railing of 0.9 m on the upper floor before the lower flight.
-    let rail = Model {
-        parts: vec![Part {
-            solid: Solid::block(x0 - 0.03, wide / 4.0, STOREY_M, 0.04, wide / 2.0, 0.9),
-            rgb: [120, 120, 125],
-        }],
-        ..Default::default()
-    };
-    rail.push(&mut building.mesh, &placement, 0);
-    add_items(building, vec![item], room);
-}
-
-/// The shaft as an opening between the two stairwells.
-fn add_shaft(building: &mut Building, plans: &[StoreyPlan], shaft: &StairShaft) {
-    let upper = plans[1]
-        .rooms
-        .iter()
-        .position(|r| r.kind == RoomKind::Stairwell);
-    let Some(upper) = upper else { return };
-    let (w, h) = (shaft.hole.width_m(), shaft.hole.height_m());
-    let middle = shaft.hole.center();
-    building.doors.push(DoorTruth {
-        rooms: (shaft.room as u32, (plans[0].rooms.len() + upper) as u32),
-        center: Point3::new(middle.x, middle.y, CEILING_M + SLAB_M),
-        width_m: w.min(h),
-        height_m: w.max(h),
-        axis: DoorAxis::Z,
-    });
 }
 
 /// `"bedroom"`, `"bedroom 2"`, ...

@@ -10,23 +10,17 @@ use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
 use crate::building::{Bounds, Rect};
-use crate::catalog::{Class, Mount, Use, class};
+use crate::catalog::{Class, Mount, class};
 use crate::colors::draw_color;
+use crate::item::{Item, THIN_M, extent};
 use crate::models::build;
 use crate::passage::{PassageMap, Reach};
-use crate::shape::{Model, Placement};
+use crate::shape::Placement;
+use crate::viewing::is_usable;
 use crate::walls::{CEILING_M, WallFace};
 
 /// Gap between furniture and the wall behind it, metres.
 const WALL_GAP_M: f64 = 0.03;
-/// A thing no deeper than this on a wall does not narrow the passage, metres.
-const THIN_M: f64 = 0.065;
-/// Largest distance from the middle of the robot's disc to a thing it looks at, metres.
-pub const VIEW_DISTANCE_M: f64 = 0.9;
-/// Height of the ground robot's camera, metres.
-pub const CAMERA_HEIGHT_M: f64 = 0.73;
-/// How far beside its front a thing with a seat or a low table before it may be reached, metres.
-const BESIDE_M: f64 = 0.35;
 /// Places tried with the passage test before a thing is left out.
 const FLOODS: usize = 6;
 
@@ -57,45 +51,6 @@ pub enum Place {
     OuterWall,
     /// Below the parent on the same wall.
     Below,
-}
-
-/// A thing that has found its place.
-#[derive(Debug, Clone)]
-pub struct Item {
-    /// Class.
-    pub class: &'static Class,
-    /// Colour name.
-    pub color: &'static str,
-    /// Colour.
-    pub rgb: [u8; 3],
-    /// Material.
-    pub material: &'static str,
-    /// Shape.
-    pub model: Model,
-    /// Where it stands.
-    pub placement: Placement,
-    /// Its box.
-    pub bounds: Bounds,
-    /// Boxes of its parts.
-    pub parts: Vec<Bounds>,
-    /// Index of the item that carries it.
-    pub support: Option<usize>,
-    /// Has a mesh of its own that may move.
-    pub is_mover: bool,
-}
-
-impl Item {
-    fn front(&self) -> Vector2<f64> {
-        let (s, c) = crate::shape::exact_sin_cos(self.placement.yaw_rad);
-        Vector2::new(c, s)
-    }
-
-    /// True if it narrows the floor.
-    fn is_obstacle(&self) -> bool {
-        let hung_thin =
-            matches!(self.class.mount, Mount::Wall(_)) && self.class.size_m[1].1 <= THIN_M;
-        !hung_thin && self.support.is_none()
-    }
 }
 
 /// A room to be furnished.
@@ -149,7 +104,6 @@ impl<'a> Furnisher<'a> {
                     max: a.sup(&b),
                 }
             })
-            .chain(space.closed.iter().copied())
             .collect();
         Self {
             rng,
@@ -263,8 +217,10 @@ impl<'a> Furnisher<'a> {
             matches!(item.class.mount, Mount::Wall(_)) && tall && covers(&item.bounds, bounds)
                 || thin && covers(bounds, &item.bounds)
         };
+        let overlaps = |zone: &Rect| zone.overlaps(&foot, 1e-9);
         !self.items.iter().any(hits)
-            && (thin || !self.keep_free.iter().any(|k| k.overlaps(&foot, 1e-9)))
+            && !self.space.closed.iter().any(overlaps)
+            && (thin || !self.keep_free.iter().any(overlaps))
     }
 
     /// Size (width, depth, height), colour and material of a new thing; sets in one room match.
@@ -529,98 +485,6 @@ fn is_row_unit(name: &str) -> bool {
         name,
         "counter" | "sink" | "stove" | "fridge" | "dishwasher" | "washing machine" | "dryer"
     )
-}
-
-/// Extent of an item's footprint along a horizontal direction that is parallel to an axis (nearly, for turned chairs).
-fn extent(item: &Item, direction: Vector2<f64>) -> f64 {
-    let foot = item.bounds.footprint();
-    if direction.x.abs() > direction.y.abs() {
-        foot.width_m()
-    } else {
-        foot.height_m()
-    }
-}
-
-/// True if the disc reaches a place from which the thing can be used: straight before its front, or on any side. What has a
-/// chair or a low table before it may also be reached from beside that.
-fn is_usable(item: &Item, reach: &Reach) -> bool {
-    let foot = item.bounds.footprint();
-    let front = item.front();
-    let left = Vector2::new(-front.y, front.x);
-    let middle = foot.center();
-    let deep = extent(item, front) / 2.0;
-    let beside = if matches!(item.class.name, "desk" | "workbench" | "sofa") {
-        BESIDE_M
-    } else {
-        0.0
-    };
-    let wide = extent(item, left) / 2.0 + beside;
-    reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
-        let to = p - middle;
-        item.class.usable == Use::Any || (to.dot(&front) > deep && to.dot(&left).abs() <= wide)
-    })
-}
-
-/// True if a robot standing at one of the reached places sees the thing from within [`VIEW_DISTANCE_M`].
-pub fn is_viewable(
-    bounds: &Bounds,
-    own_parts: &[Bounds],
-    others: &[&[Bounds]],
-    space: &RoomSpace,
-    reach: &Reach,
-) -> bool {
-    let foot = bounds.footprint();
-    reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
-        let eye = Point3::new(p.x, p.y, space.floor_z_m + CAMERA_HEIGHT_M);
-        own_parts
-            .iter()
-            .any(|part| sees(&eye, &part.center(), own_parts, others, space))
-    })
-}
-
-/// True if the straight line from the eye meets one of `own` before anything else and stays in the room.
-fn sees(
-    eye: &Point3<f64>,
-    target: &Point3<f64>,
-    own: &[Bounds],
-    others: &[&[Bounds]],
-    space: &RoomSpace,
-) -> bool {
-    let first = |boxes: &[Bounds]| {
-        boxes
-            .iter()
-            .filter_map(|b| entry(eye, target, b))
-            .fold(f64::INFINITY, f64::min)
-    };
-    let hit = first(own);
-    if !hit.is_finite() || others.iter().any(|o| first(o) < hit) {
-        return false;
-    }
-    (1..5).all(|k| {
-        let q = eye + (target - eye) * (hit * f64::from(k) / 5.0);
-        space
-            .floor
-            .iter()
-            .any(|r| r.contains(&Point2::new(q.x, q.y)))
-    })
-}
-
-/// Where the segment from `a` to `b` enters a box, as a fraction of its length.
-fn entry(a: &Point3<f64>, b: &Point3<f64>, bounds: &Bounds) -> Option<f64> {
-    let (mut low, mut high) = (0.0f64, 1.0f64);
-    for k in 0..3 {
-        let d = b[k] - a[k];
-        if d.abs() < 1e-12 {
-            if a[k] < bounds.min[k] || a[k] > bounds.max[k] {
-                return None;
-            }
-            continue;
-        }
-        let (t0, t1) = ((bounds.min[k] - a[k]) / d, (bounds.max[k] - a[k]) / d);
-        low = low.max(t0.min(t1));
-        high = high.min(t0.max(t1));
-    }
-    (low <= high).then_some(low)
 }
 
 /// The rectangle before a footprint.

@@ -7,9 +7,9 @@ use crate::generator::{Furnishing, raise};
 
 /// First seed looked at for `"flat"`. The scene is the first from here on that keeps its promise, so a change of the generator
 /// may change the scene but not the promise.
-const FLAT_SEED: u64 = 0;
+const FLAT_SEED: u64 = 55;
 /// First seed looked at for `"office"`.
-const OFFICE_SEED: u64 = 0;
+const OFFICE_SEED: u64 = 78;
 /// Seeds looked at.
 const SEEDS: u64 = 400;
 

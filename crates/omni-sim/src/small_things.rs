@@ -6,15 +6,19 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use crate::building::{Bounds, RoomKind};
 use crate::catalog::class;
 use crate::colors::draw_color;
+use crate::item::Item;
 use crate::models::build;
 use crate::passage::Reach;
-use crate::placement::{Furnisher, Item, is_viewable};
+use crate::placement::Furnisher;
 use crate::shape::{Placement, Surface};
+use crate::viewing::is_viewable;
 
 /// Smallest distance between a thing and the edge of what it stands on, metres.
 const EDGE_MIN_M: f64 = 0.02;
 /// Largest distance from the edge; screens stand farther back.
 pub const EDGE_MAX_M: f64 = 0.13;
+/// Smallest gap between two small things, metres.
+const BETWEEN_M: f64 = 0.01;
 /// Places tried for one thing.
 const TRIES: usize = 24;
 
@@ -130,7 +134,11 @@ pub fn stand(
         let bounds = model.bounds(&placement);
         let parts = model.part_bounds(&placement);
         if !stays_on(&base, &surface, &bounds)
-            || furnisher.items.iter().any(|i| overlaps(i, &bounds))
+            || furnisher
+                .items
+                .iter()
+                .enumerate()
+                .any(|(k, i)| overlaps(i, k == support, &bounds))
         {
             continue;
         }
@@ -168,11 +176,17 @@ fn stays_on(base: &Item, surface: &Surface, bounds: &Bounds) -> bool {
         && bounds.max.y <= max.y + 1e-9
 }
 
-/// True if the thing would run into a part of another one (touching is fine).
-fn overlaps(item: &Item, bounds: &Bounds) -> bool {
-    let grown = if item.support.is_some() { 0.01 } else { 0.0 };
-    item.bounds.overlaps(bounds, -grown)
-        && item.parts.iter().any(|p| p.overlaps(bounds, 1e-9 - grown))
+/// True if the thing would run into another one. A support may surround it (a shelf), so there the parts count.
+fn overlaps(item: &Item, is_support: bool, bounds: &Bounds) -> bool {
+    if is_support {
+        return item.parts.iter().any(|p| p.overlaps(bounds, 1e-9));
+    }
+    let apart = if item.support.is_some() {
+        BETWEEN_M
+    } else {
+        0.0
+    };
+    item.bounds.overlaps(bounds, 1e-9 - apart)
 }
 
 type Likely = &'static [(&'static str, f64)];

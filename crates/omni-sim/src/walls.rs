@@ -6,7 +6,7 @@
 
 use nalgebra::{Point2, Point3, Vector2};
 
-use crate::building::{DoorAxis, DoorTruth, Rect, RoomKind};
+use crate::building::{DoorAxis, DoorTruth, Rect};
 use crate::doors::PlanDoor;
 use crate::floorplan::{StoreyPlan, UNIT_M};
 use crate::mesh::TriangleMesh;
@@ -418,59 +418,6 @@ fn opening_rect(door: &PlanDoor, half: f64) -> Rect {
     } else {
         Rect::new(from, line - half, to, line + half)
     }
-}
-
-/// The hole above a stairwell, in the storey's coordinates: everything but the landing at the corridor. `None` without one.
-pub fn stair_hole(plan: &StoreyPlan, doors: &[PlanDoor], thickness_m: f64) -> Option<StairShaft> {
-    let room = plan
-        .rooms
-        .iter()
-        .position(|r| r.kind == RoomKind::Stairwell)?;
-    let c = plan.rooms[room].parts[0];
-    let half = thickness_m / 2.0;
-    let units = |v: i32| f64::from(v) * UNIT_M;
-    let free = Rect::new(
-        units(c.x0) + half,
-        units(c.y0) + half,
-        units(c.x1) - half,
-        units(c.y1) - half,
-    );
-    let door = doors
-        .iter()
-        .find(|d| d.rooms.0 == room || d.rooms.1 == room)?
-        .opening;
-    // From the corridor's wall into the stairwell.
-    let inward = match door.vertical {
-        true if door.line == c.x0 => Vector2::new(1.0, 0.0),
-        true => Vector2::new(-1.0, 0.0),
-        false if door.line == c.y0 => Vector2::new(0.0, 1.0),
-        false => Vector2::new(0.0, -1.0),
-    };
-    let mut hole = free;
-    if inward.x > 0.0 {
-        hole.min.x += LANDING_M;
-    } else if inward.x < 0.0 {
-        hole.max.x -= LANDING_M;
-    } else if inward.y > 0.0 {
-        hole.min.y += LANDING_M;
-    } else {
-        hole.max.y -= LANDING_M;
-    }
-    Some(StairShaft { room, hole, inward })
-}
-
-/// Depth of the landing at the corridor, metres.
-const LANDING_M: f64 = 1.3;
-
-/// Where the stairs are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StairShaft {
-    /// Index of the stairwell in the storey's plan.
-    pub room: usize,
-    /// Opening in the slab above.
-    pub hole: Rect,
-    /// From the landing towards the flights, unit length, along an axis.
-    pub inward: Vector2<f64>,
 }
 
 /// A horizontal rectangle of structure, facing up or down.
