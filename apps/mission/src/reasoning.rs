@@ -158,6 +158,14 @@ impl Mission {
         }
         match *self.body.status() {
             GoalStatus::Arrived => {
+                // Before a thing, the robot looks at it for a moment: a few more images settle its label and its place.
+                if self.stands_before_target && matches!(self.target, Target::Action(Action::GoNear(_))) {
+                    let since_s = *self.arrived_s.get_or_insert(t_s);
+                    if t_s - since_s < self.config.close_look_s {
+                        return false;
+                    }
+                }
+                self.arrived_s = None;
                 self.arrived();
                 return true;
             }
@@ -357,6 +365,7 @@ impl Mission {
                 }
                 match self.goal_of(&action) {
                     Some(goal) => {
+                        self.arrived_s = None;
                         self.body.set_goal(goal);
                         self.target = Target::Action(action);
                         let (body, world, clock) = (&mut self.body, &self.world, &mut self.journal.clock);
