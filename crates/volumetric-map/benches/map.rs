@@ -36,7 +36,12 @@ impl Drive {
         ];
         let scans = drive(&way, 0.61, 0.07)
             .into_iter()
-            .map(|(pose, _)| (pose.translation.vector.into(), in_world(&lidar.scan(&world, &pose), &pose)))
+            .map(|(pose, _)| {
+                (
+                    pose.translation.vector.into(),
+                    in_world(&lidar.scan(&world, &pose), &pose),
+                )
+            })
             .collect();
         Self { scans }
     }
@@ -59,7 +64,9 @@ fn recorded() -> &'static Drive {
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn integrate_whole_drive(bencher: Bencher) {
     let drive = recorded();
-    bencher.counter(divan::counter::ItemsCount::new(drive.scans.len())).bench_local(|| drive.mapped(drive.scans.len()));
+    bencher
+        .counter(divan::counter::ItemsCount::new(drive.scans.len()))
+        .bench_local(|| drive.mapped(drive.scans.len()));
 }
 
 /// One scan into a map that knows the place.
@@ -69,7 +76,9 @@ fn integrate_one_scan_known_place(bencher: Bencher) {
     let mut volume = drive.mapped(100);
     let mut k = 100;
     bencher.bench_local(|| {
-        volume.integrate(&drive.scans[k].0, &drive.scans[k].1).unwrap();
+        volume
+            .integrate(&drive.scans[k].0, &drive.scans[k].1)
+            .unwrap();
         k = 100 + (k - 99) % 150;
     });
 }

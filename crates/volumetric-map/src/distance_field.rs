@@ -62,7 +62,13 @@ impl DistanceField {
     /// [`resolution_m`](Self::resolution_m)); the largest distance is limited to 250 cells. Values that are not positive and
     /// finite become 0.1 m and 2 m.
     pub fn new(resolution_m: f64, max_distance_m: f64) -> Self {
-        let or = |value: f64, fallback: f64| if value.is_finite() && value > 0.0 { value } else { fallback };
+        let or = |value: f64, fallback: f64| {
+            if value.is_finite() && value > 0.0 {
+                value
+            } else {
+                fallback
+            }
+        };
         let resolution_m = or(resolution_m, 0.1);
         Self {
             resolution_m,
@@ -152,7 +158,8 @@ impl DistanceField {
     /// Centre of the obstacle cell nearest to the cell at a world point; `None` outside the grid or if there is none within
     /// the largest distance.
     pub fn nearest_obstacle(&self, point: &Point3<f64>) -> Option<Point3<f64>> {
-        self.obstacle_of(self.cell_at(point)?).map(|at| self.center(at))
+        self.obstacle_of(self.cell_at(point)?)
+            .map(|at| self.center(at))
     }
 
     /// Centres of the occupied cells in a box, ordered by z, then y, then x. A cell counts if its centre is in the box.
@@ -161,7 +168,8 @@ impl DistanceField {
         let mut to = [0usize; 3];
         for axis in 0..3 {
             let first = (min[axis] / self.resolution_m - 0.5).ceil() - f64::from(self.low[axis]);
-            let end = (max[axis] / self.resolution_m - 0.5).floor() - f64::from(self.low[axis]) + 1.0;
+            let end =
+                (max[axis] / self.resolution_m - 0.5).floor() - f64::from(self.low[axis]) + 1.0;
             if first.is_nan() || end.is_nan() {
                 return Vec::new();
             }
@@ -183,10 +191,15 @@ impl DistanceField {
 
     /// World bounds (min, max) of the grid, metres.
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
-        let at = |axis: usize, add: usize| (f64::from(self.low[axis]) + add as f64) * self.resolution_m;
+        let at =
+            |axis: usize, add: usize| (f64::from(self.low[axis]) + add as f64) * self.resolution_m;
         (
             Point3::new(at(0, 0), at(1, 0), at(2, 0)),
-            Point3::new(at(0, self.size[0]), at(1, self.size[1]), at(2, self.size[2])),
+            Point3::new(
+                at(0, self.size[0]),
+                at(1, self.size[1]),
+                at(2, self.size[2]),
+            ),
         )
     }
 
@@ -195,19 +208,41 @@ impl DistanceField {
     /// # Panics
     /// If a distance is not the exact one, or the obstacle found does not lie at that distance.
     pub fn check_invariants(&self) {
-        let obstacles: Vec<[usize; 3]> =
-            (0..self.state.len()).filter(|i| self.state[*i] == Cell::Occupied).map(|i| self.coordinates(i)).collect();
-        let between = |a: [usize; 3], b: [usize; 3]| (0..3).map(|k| (a[k].abs_diff(b[k]) as u32).pow(2)).sum::<u32>();
+        let obstacles: Vec<[usize; 3]> = (0..self.state.len())
+            .filter(|i| self.state[*i] == Cell::Occupied)
+            .map(|i| self.coordinates(i))
+            .collect();
+        let between = |a: [usize; 3], b: [usize; 3]| {
+            (0..3)
+                .map(|k| (a[k].abs_diff(b[k]) as u32).pow(2))
+                .sum::<u32>()
+        };
         for i in 0..self.state.len() {
             let at = self.coordinates(i);
-            let brute = obstacles.iter().map(|o| between(at, *o)).min().filter(|d| *d <= self.reach_squared);
+            let brute = obstacles
+                .iter()
+                .map(|o| between(at, *o))
+                .min()
+                .filter(|d| *d <= self.reach_squared);
             let found = (self.squared[i] != BEYOND).then_some(u32::from(self.squared[i]));
             assert_eq!(found, brute, "squared distance at {at:?}");
             let parent = self.obstacle_of(i);
-            assert_eq!(parent.is_some(), found.is_some(), "an obstacle stands behind every distance");
+            assert_eq!(
+                parent.is_some(),
+                found.is_some(),
+                "an obstacle stands behind every distance"
+            );
             if let Some(parent) = parent {
-                assert_eq!(Some(between(at, parent)), found, "the obstacle lies at the distance");
-                assert_eq!(self.state[self.number(parent)], Cell::Occupied, "the obstacle is occupied");
+                assert_eq!(
+                    Some(between(at, parent)),
+                    found,
+                    "the obstacle lies at the distance"
+                );
+                assert_eq!(
+                    self.state[self.number(parent)],
+                    Cell::Occupied,
+                    "the obstacle is occupied"
+                );
             }
         }
     }
@@ -217,7 +252,9 @@ impl DistanceField {
         let voxel = volume.config().voxel_m;
         let wanted = self.requested_resolution_m / voxel;
         let distance_to_wanted = |joined: &i32| (f64::from(*joined).ln() - wanted.ln()).abs();
-        let joined = [1, 2, 4, 8].into_iter().min_by(|a, b| distance_to_wanted(a).total_cmp(&distance_to_wanted(b)));
+        let joined = [1, 2, 4, 8]
+            .into_iter()
+            .min_by(|a, b| distance_to_wanted(a).total_cmp(&distance_to_wanted(b)));
         let joined = joined.expect("the list is not empty");
         let resolution_m = voxel * f64::from(joined);
         let cells_per_block = 8 / joined;
@@ -250,8 +287,16 @@ impl DistanceField {
             let margin = if axis == 2 { 1 } else { 5 };
             let keep_low = !is_other && first(axis) < low[axis];
             let keep_high = !is_other && last(axis) > high[axis];
-            let from = if keep_low { first(axis) } else { low[axis] - margin };
-            let to = if keep_high { last(axis) } else { high[axis] + margin };
+            let from = if keep_low {
+                first(axis)
+            } else {
+                low[axis] - margin
+            };
+            let to = if keep_high {
+                last(axis)
+            } else {
+                high[axis] + margin
+            };
             self.low[axis] = from * cells_per_block;
             self.size[axis] = ((to - from + 1) * cells_per_block) as usize;
         }
@@ -259,8 +304,12 @@ impl DistanceField {
         self.cells_per_block = cells_per_block;
         let reach = ((self.max_distance_m / resolution_m + 1e-9).floor()).clamp(1.0, 250.0);
         self.max_distance_m = self.max_distance_m.min(250.0 * resolution_m);
-        self.reach_squared = ((self.max_distance_m / resolution_m).powi(2) + 1e-6).floor().clamp(reach, 62_500.0) as u32;
-        self.roots = (0..=self.reach_squared).map(|d| (f64::from(d).sqrt() * resolution_m) as f32).collect();
+        self.reach_squared = ((self.max_distance_m / resolution_m).powi(2) + 1e-6)
+            .floor()
+            .clamp(reach, 62_500.0) as u32;
+        self.roots = (0..=self.reach_squared)
+            .map(|d| (f64::from(d).sqrt() * resolution_m) as f32)
+            .collect();
         let cells = self.size.iter().product();
         self.state = vec![Cell::Unknown; cells];
         self.up = vec![NOWHERE; cells];
@@ -282,8 +331,9 @@ impl DistanceField {
             square |= row << (8 * y);
         }
         let first = [block.key.x, block.key.y, block.key.z];
-        let corner: [usize; 3] =
-            std::array::from_fn(|axis| (first[axis] * self.cells_per_block - self.low[axis]) as usize);
+        let corner: [usize; 3] = std::array::from_fn(|axis| {
+            (first[axis] * self.cells_per_block - self.low[axis]) as usize
+        });
         let mut changed = 0;
         for cz in 0..n {
             for cy in 0..n {
@@ -324,11 +374,11 @@ impl DistanceField {
         for column in (0..nx * ny).filter(|c| dirty[*c]) {
             lines += 1;
             let mut last: Option<usize> = None;
-            for z in 0..nz {
+            for (z, offset) in offsets.iter_mut().enumerate() {
                 if self.state[column + nx * ny * z] == Cell::Occupied {
                     last = Some(z);
                 }
-                offsets[z] = last.map_or(NOWHERE, |l| -((z - l) as i16));
+                *offset = last.map_or(NOWHERE, |l| -((z - l) as i16));
             }
             last = None;
             for z in (0..nz).rev() {
@@ -341,7 +391,9 @@ impl DistanceField {
                 {
                     offsets[z] = (l - z) as i16;
                 }
-                if offsets[z] != NOWHERE && (i32::from(offsets[z]).pow(2) as u32) > self.reach_squared {
+                if offsets[z] != NOWHERE
+                    && (i32::from(offsets[z]).pow(2) as u32) > self.reach_squared
+                {
                     offsets[z] = NOWHERE;
                 }
                 let i = column + nx * ny * z;
@@ -366,7 +418,11 @@ impl DistanceField {
                 let first = x + nx * ny * z;
                 for (y, value) in line.iter_mut().enumerate() {
                     let up = self.up[first + nx * y];
-                    *value = if up == NOWHERE { FAR } else { i32::from(up).pow(2) as u32 };
+                    *value = if up == NOWHERE {
+                        FAR
+                    } else {
+                        i32::from(up).pow(2) as u32
+                    };
                 }
                 self.run(&mut envelope, &line, &mut out);
                 for (y, (squared, site)) in out.iter().enumerate() {
@@ -392,7 +448,11 @@ impl DistanceField {
             lines += 1;
             let first = nx * yz;
             for (value, squared) in line.iter_mut().zip(&self.plane[first..first + nx]) {
-                *value = if *squared == BEYOND { FAR } else { u32::from(*squared) };
+                *value = if *squared == BEYOND {
+                    FAR
+                } else {
+                    u32::from(*squared)
+                };
             }
             self.run(&mut envelope, &line, &mut out);
             for (x, (squared, site)) in out.iter().enumerate() {
@@ -464,7 +524,11 @@ impl DistanceField {
     #[inline]
     pub(crate) fn cell_distance(&self, cell: usize) -> f64 {
         let squared = self.squared[cell];
-        if squared == BEYOND { self.max_distance_m } else { f64::from(self.roots[usize::from(squared)]) }
+        if squared == BEYOND {
+            self.max_distance_m
+        } else {
+            f64::from(self.roots[usize::from(squared)])
+        }
     }
 
     /// Trilinear value and its gradient between the eight cell centres around a point inside the grid.
@@ -485,7 +549,10 @@ impl DistanceField {
         let first = self.number(base);
         let d = |corner: usize| {
             self.cell_distance(
-                first + (corner & 1) * stride[0] + (corner >> 1 & 1) * stride[1] + (corner >> 2) * stride[2],
+                first
+                    + (corner & 1) * stride[0]
+                    + (corner >> 1 & 1) * stride[1]
+                    + (corner >> 2) * stride[2],
             )
         };
         let c: [f64; 8] = std::array::from_fn(d);
@@ -493,8 +560,16 @@ impl DistanceField {
         let [tx, ty, tz] = part;
         let face = |o: usize| mix(mix(c[o], c[o + 1], tx), mix(c[o + 2], c[o + 3], tx), ty);
         let value = mix(face(0), face(4), tz);
-        let dx = mix(mix(c[1] - c[0], c[3] - c[2], ty), mix(c[5] - c[4], c[7] - c[6], ty), tz);
-        let dy = mix(mix(c[2] - c[0], c[3] - c[1], tx), mix(c[6] - c[4], c[7] - c[5], tx), tz);
+        let dx = mix(
+            mix(c[1] - c[0], c[3] - c[2], ty),
+            mix(c[5] - c[4], c[7] - c[6], ty),
+            tz,
+        );
+        let dy = mix(
+            mix(c[2] - c[0], c[3] - c[1], tx),
+            mix(c[6] - c[4], c[7] - c[5], tx),
+            tz,
+        );
         let dz = face(4) - face(0);
         (value, Vector3::new(dx, dy, dz) / self.resolution_m)
     }

@@ -102,7 +102,9 @@ impl Default for PlaceConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PlaceConfigError {
     /// A length is not finite and positive.
-    #[error("min_clearance_m, spacing_m, min_place_clearance_m and merge_m must be finite and positive")]
+    #[error(
+        "min_clearance_m, spacing_m, min_place_clearance_m and merge_m must be finite and positive"
+    )]
     Length,
     /// `merge_m` is not below `spacing_m`.
     #[error("merge_m ({merge_m}) must be smaller than spacing_m ({spacing_m})")]
@@ -123,14 +125,25 @@ impl PlaceConfig {
     /// # Errors
     /// [`PlaceConfigError`] names what makes no sense.
     pub fn validate(&self) -> Result<(), PlaceConfigError> {
-        let lengths = [self.min_clearance_m, self.spacing_m, self.min_place_clearance_m, self.merge_m];
+        let lengths = [
+            self.min_clearance_m,
+            self.spacing_m,
+            self.min_place_clearance_m,
+            self.merge_m,
+        ];
         if lengths.iter().any(|l| !l.is_finite() || *l <= 0.0) {
             return Err(PlaceConfigError::Length);
         }
         if self.merge_m >= self.spacing_m {
-            return Err(PlaceConfigError::MergeAboveSpacing { merge_m: self.merge_m, spacing_m: self.spacing_m });
+            return Err(PlaceConfigError::MergeAboveSpacing {
+                merge_m: self.merge_m,
+                spacing_m: self.spacing_m,
+            });
         }
-        if self.height_band_m.is_some_and(|b| !(b[0] < b[1])) {
+        if self
+            .height_band_m
+            .is_some_and(|b| b[0].is_nan() || b[1].is_nan() || b[0] >= b[1])
+        {
             return Err(PlaceConfigError::HeightBand);
         }
         Ok(())
@@ -193,7 +206,12 @@ impl PlaceGraph {
                 .filter(|e| !new_edges.contains_key(&(e.a, e.b)))
                 .map(|e| PlaceEvent::EdgeRemoved(e.a, e.b)),
         );
-        events.extend(self.places.iter().filter(|p| !kept.contains_key(&p.id)).map(|p| PlaceEvent::Removed(p.id)));
+        events.extend(
+            self.places
+                .iter()
+                .filter(|p| !kept.contains_key(&p.id))
+                .map(|p| PlaceEvent::Removed(p.id)),
+        );
         let mut settled = Vec::with_capacity(places.len());
         for place in places {
             match self.places.binary_search_by_key(&place.id, |p| p.id) {
@@ -244,7 +262,10 @@ impl PlaceGraph {
 
     /// One place.
     pub fn place(&self, id: PlaceId) -> Option<&Place> {
-        self.places.binary_search_by_key(&id, |p| p.id).ok().map(|at| &self.places[at])
+        self.places
+            .binary_search_by_key(&id, |p| p.id)
+            .ok()
+            .map(|at| &self.places[at])
     }
 
     /// The place whose region holds a world point; `None` outside all regions (too near to an obstacle, or unknown).
@@ -267,18 +288,37 @@ impl PlaceGraph {
     /// # Panics
     /// With the name of the rule that is broken.
     pub fn check_invariants(&self) {
-        assert!(self.places.windows(2).all(|w| w[0].id < w[1].id), "places ascend and are unique");
-        assert!(self.places.iter().all(|p| p.id.0 < self.next_id), "ids come from the counter");
-        assert!(self.edges.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)), "edges ascend and are unique");
+        assert!(
+            self.places.windows(2).all(|w| w[0].id < w[1].id),
+            "places ascend and are unique"
+        );
+        assert!(
+            self.places.iter().all(|p| p.id.0 < self.next_id),
+            "ids come from the counter"
+        );
+        assert!(
+            self.edges
+                .windows(2)
+                .all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)),
+            "edges ascend and are unique"
+        );
         for edge in &self.edges {
             assert!(edge.a < edge.b, "an edge names the smaller id first");
             let (a, b) = (self.place(edge.a), self.place(edge.b));
             assert!(a.is_some() && b.is_some(), "both ends of an edge exist");
         }
         for place in &self.places {
-            assert!(place.clearance_m > 0.0 && place.basis_points > 0, "a place has clearance and an obstacle or the limit");
+            assert!(
+                place.clearance_m > 0.0 && place.basis_points > 0,
+                "a place has clearance and an obstacle or the limit"
+            );
         }
-        assert!(self.region.iter().all(|r| *r == NO_REGION || (*r as usize) < self.places.len()), "regions name places");
+        assert!(
+            self.region
+                .iter()
+                .all(|r| *r == NO_REGION || (*r as usize) < self.places.len()),
+            "regions name places"
+        );
     }
 }
 
@@ -355,12 +395,22 @@ impl<'a> Flood<'a> {
                 let squared = field.squared[cell];
                 if squared >= floor && field.state[cell] == Cell::Free {
                     // Beyond the largest distance is one class: the widest.
-                    let class = if squared == BEYOND { 0 } else { usize::from(field.reach_squared() - squared) + 1 };
+                    let class = if squared == BEYOND {
+                        0
+                    } else {
+                        usize::from(field.reach_squared() - squared) + 1
+                    };
                     if class >= count.len() {
                         count.resize(class + 1, 0);
                     }
                     count[class] += 1;
-                    spots.push((class as u32, Spot { cell: cell as u32, at: [x, y, z].map(|v| v as u16) }));
+                    spots.push((
+                        class as u32,
+                        Spot {
+                            cell: cell as u32,
+                            at: [x, y, z].map(|v| v as u16),
+                        },
+                    ));
                 }
             }
         }
@@ -368,7 +418,13 @@ impl<'a> Flood<'a> {
         for slot in &mut count {
             start += std::mem::replace(slot, start);
         }
-        let mut order = vec![Spot { cell: 0, at: [0; 3] }; spots.len()];
+        let mut order = vec![
+            Spot {
+                cell: 0,
+                at: [0; 3]
+            };
+            spots.len()
+        ];
         for (class, spot) in spots {
             let slot = &mut count[class as usize];
             order[*slot] = spot;
@@ -381,7 +437,9 @@ impl<'a> Flood<'a> {
     fn band_cells(&self) -> (usize, usize) {
         let field = self.field;
         let layer = field.size[0] * field.size[1];
-        let Some([low, high]) = self.config.height_band_m else { return (0, field.state.len()) };
+        let Some([low, high]) = self.config.height_band_m else {
+            return (0, field.state.len());
+        };
         let first = (low / field.resolution_m - 0.5).ceil() - f64::from(field.low[2]);
         let end = (high / field.resolution_m - 0.5).floor() - f64::from(field.low[2]) + 1.0;
         let clamp = |v: f64| v.clamp(0.0, field.size[2] as f64) as usize * layer;
@@ -391,11 +449,16 @@ impl<'a> Flood<'a> {
     /// Lets an old place open its region again: at its own cell, or at a wider one close by. Gone if there is none.
     fn anchor(&mut self, place: &Place) {
         let field = self.field;
-        let Some(home) = field.cell_at(&place.position) else { return };
+        let Some(home) = field.cell_at(&place.position) else {
+            return;
+        };
         let floor = squared_clearance(self.config.min_clearance_m, field);
         let (first, end) = self.band_cells();
-        let is_member =
-            |cell: usize| (first..end).contains(&cell) && field.state[cell] == Cell::Free && field.squared[cell] >= floor;
+        let is_member = |cell: usize| {
+            (first..end).contains(&cell)
+                && field.state[cell] == Cell::Free
+                && field.squared[cell] >= floor
+        };
         let is_ridge = |cell: usize| is_member(cell) && basis_points(field, cell) >= 2;
         let mut best = is_member(home).then_some(home);
         // A place stays where it is as long as it lies on the Voronoi diagram: following the widest cell would let it run along the
@@ -406,7 +469,11 @@ impl<'a> Flood<'a> {
                 break;
             }
             let mut next = None;
-            let mut top = if is_member(here) { field.cell_distance(here) } else { 0.0 };
+            let mut top = if is_member(here) {
+                field.cell_distance(here)
+            } else {
+                0.0
+            };
             for cell in self.box_around(here) {
                 if is_member(cell) && field.cell_distance(cell) > top {
                     top = field.cell_distance(cell);
@@ -425,7 +492,9 @@ impl<'a> Flood<'a> {
 
     fn box_around(&self, cell: usize) -> Vec<usize> {
         let at = self.field.coordinates(cell);
-        let range = |axis: usize| at[axis].saturating_sub(1)..=(at[axis] + 1).min(self.field.size[axis] - 1);
+        let range = |axis: usize| {
+            at[axis].saturating_sub(1)..=(at[axis] + 1).min(self.field.size[axis] - 1)
+        };
         let mut out = Vec::with_capacity(27);
         for z in range(2) {
             for y in range(1) {
@@ -440,7 +509,14 @@ impl<'a> Flood<'a> {
     fn open(&mut self, cell: usize, id: Option<PlaceId>) -> u32 {
         let label = self.seeds.len() as u32;
         let at = self.field.coordinates(cell).map(|v| v as i32);
-        self.seeds.push(Seed { cell, at, id, parent: label, cells: 0, frontier: 0 });
+        self.seeds.push(Seed {
+            cell,
+            at,
+            id,
+            parent: label,
+            cells: 0,
+            frontier: 0,
+        });
         self.label[cell] = label;
         label
     }
@@ -450,8 +526,17 @@ impl<'a> Flood<'a> {
         let field = self.field;
         let [nx, ny, _] = field.size;
         // Cells on the border of the grid are never free, so all six neighbours exist.
-        let sides = [cell - 1, cell + 1, cell - nx, cell + nx, cell - nx * ny, cell + nx * ny];
-        let beside_unknown = sides[..4].iter().any(|other| field.state[*other] == Cell::Unknown);
+        let sides = [
+            cell - 1,
+            cell + 1,
+            cell - nx,
+            cell + nx,
+            cell - nx * ny,
+            cell + nx * ny,
+        ];
+        let beside_unknown = sides[..4]
+            .iter()
+            .any(|other| field.state[*other] == Cell::Unknown);
         let mut touching = [NO_REGION; 6];
         let mut touched = 0;
         let mut last = NO_REGION;
@@ -470,7 +555,10 @@ impl<'a> Flood<'a> {
         let mut own = self.label[cell];
         if own == NO_REGION {
             let here = spot.at.map(i32::from);
-            let nearest = touching[..touched].iter().copied().min_by_key(|r| (self.gap(*r, here), *r));
+            let nearest = touching[..touched]
+                .iter()
+                .copied()
+                .min_by_key(|r| (self.gap(*r, here), *r));
             own = match nearest {
                 None => self.open(cell, None),
                 Some(region)
@@ -511,10 +599,15 @@ impl<'a> Flood<'a> {
         let (a, b) = (self.seeds[elder as usize], self.seeds[younger as usize]);
         let gap = (0..3).map(|k| (a.at[k] - b.at[k]).pow(2)).sum::<i32>();
         let lower = field.cell_distance(a.cell).min(field.cell_distance(b.cell));
-        let saddle_m = if saddle == BEYOND { field.max_distance_m() } else { f64::from(saddle).sqrt() * field.resolution_m };
+        let saddle_m = if saddle == BEYOND {
+            field.max_distance_m()
+        } else {
+            f64::from(saddle).sqrt() * field.resolution_m
+        };
         let is_close = gap < squared_cells(self.config.merge_m, field) && saddle_m >= 0.8 * lower;
         // A rise of less than a cell above the saddle is noise of the grid, not a place of its own.
-        let is_noise = gap < squared_cells(self.config.spacing_m, field) && lower - saddle_m < field.resolution_m;
+        let is_noise = gap < squared_cells(self.config.spacing_m, field)
+            && lower - saddle_m < field.resolution_m;
         let was_told = a.id.is_some() && b.id.is_some();
         if is_close || is_noise && !was_told {
             self.seeds[younger as usize].parent = elder;
@@ -584,16 +677,24 @@ impl<'a> Flood<'a> {
         let rank_of: Vec<u32> = (0..self.seeds.len() as u32)
             .map(|label| {
                 let id = id_of[self.root(label) as usize];
-                id.and_then(|id| places.binary_search_by_key(&id, |p| p.id).ok()).map_or(NO_REGION, |r| r as u32)
+                id.and_then(|id| places.binary_search_by_key(&id, |p| p.id).ok())
+                    .map_or(NO_REGION, |r| r as u32)
             })
             .collect();
         let mut edges: Vec<PlaceEdge> = pairs
             .into_iter()
             .map(|((a, b), saddle)| {
                 let end = |label: u32| &places[rank_of[label as usize] as usize];
-                let (a, b) = if end(a).id < end(b).id { (end(a), end(b)) } else { (end(b), end(a)) };
-                let saddle_m =
-                    if saddle == BEYOND { field.max_distance_m() } else { f64::from(saddle).sqrt() * field.resolution_m };
+                let (a, b) = if end(a).id < end(b).id {
+                    (end(a), end(b))
+                } else {
+                    (end(b), end(a))
+                };
+                let saddle_m = if saddle == BEYOND {
+                    field.max_distance_m()
+                } else {
+                    f64::from(saddle).sqrt() * field.resolution_m
+                };
                 PlaceEdge {
                     a: a.id,
                     b: b.id,
@@ -618,18 +719,26 @@ impl<'a> Flood<'a> {
 /// Voronoi diagram of the obstacles (Lau, Sprunk and Burgard 2013). A cell beyond the largest distance has one.
 pub(crate) fn basis_points(field: &DistanceField, cell: usize) -> u8 {
     let at = field.coordinates(cell);
-    let vector = |obstacle: [usize; 3]| Vector3::from_fn(|axis, _| obstacle[axis] as f64 - at[axis] as f64);
-    let Some(own) = field.obstacle_of(cell) else { return 1 };
+    let vector =
+        |obstacle: [usize; 3]| Vector3::from_fn(|axis, _| obstacle[axis] as f64 - at[axis] as f64);
+    let Some(own) = field.obstacle_of(cell) else {
+        return 1;
+    };
     let limit = vector(own).norm() + 1.0;
     let mut directions = vec![vector(own).normalize()];
     let range = |axis: usize| at[axis].saturating_sub(1)..=(at[axis] + 1).min(field.size[axis] - 1);
     for z in range(2) {
         for y in range(1) {
             for x in range(0) {
-                let Some(other) = field.obstacle_of(field.number([x, y, z])) else { continue };
+                let Some(other) = field.obstacle_of(field.number([x, y, z])) else {
+                    continue;
+                };
                 let v = vector(other);
                 let length = v.norm();
-                if length > 0.0 && length <= limit && directions.iter().all(|d| d.dot(&v) < 0.5 * length) {
+                if length > 0.0
+                    && length <= limit
+                    && directions.iter().all(|d| d.dot(&v) < 0.5 * length)
+                {
                     directions.push(v / length);
                 }
             }
