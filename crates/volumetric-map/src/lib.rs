@@ -75,6 +75,7 @@
 mod block;
 pub mod config;
 pub mod distance_field;
+mod distance_update;
 mod edt;
 pub mod integrate;
 pub mod mesh;
@@ -86,6 +87,7 @@ pub mod sight;
 mod slice;
 pub mod store;
 pub mod volume;
+mod watershed;
 
 pub use block::BlockKey;
 pub use config::{ConfigError, VolumeConfig};
