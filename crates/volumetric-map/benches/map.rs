@@ -1,4 +1,4 @@
-//! The claims guarded here, for a robot in a furnished flat of 100 m2 at 5 cm voxels (one core, release):
+//! The budgets guarded here (CPU on a free core; on a loaded machine use the bench `cpu` and compare ratios), for a robot in a furnished flat of 100 m2 at 5 cm voxels (one core, release):
 //! a scan of 32 x 1024 returns in at most 10 ms, a distance field update (after five scans) in 15 ms, an update of the places in 20 ms.
 //!
 //! `cargo bench -p volumetric-map`
