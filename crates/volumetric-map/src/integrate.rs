@@ -60,12 +60,31 @@ impl Volume {
     ) -> Result<IntegrationReport, IntegrationError> {
         let scale = 1.0 / self.config.voxel_m;
         let origin = origin_in_world.coords * scale;
-        if origin.iter().any(|q| !(q.abs() < MAX_VOXEL_INDEX / 4.0)) {
-            return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
+        if origin
+            .iter()
+            .any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0)
+        {
+            return Err(IntegrationError::Origin([
+                origin_in_world.x,
+                origin_in_world.y,
+                origin_in_world.z,
+            ]));
         }
         self.revision += 1;
         let blocks_before = self.blocks.len();
-        let mut scan = Scan { report: IntegrationReport::default(), touched: Vec::new(), origin, last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE) };
+        let mut scan = Scan {
+            report: IntegrationReport::default(),
+            touched: Vec::new(),
+            origin,
+            last_entered: (
+                BlockKey {
+                    x: i32::MAX,
+                    y: 0,
+                    z: 0,
+                },
+                NONE,
+            ),
+        };
         let rays = self.mark_returns(points_in_world, &mut scan);
         for ray in &rays {
             if let Some(end) = ray.end {
@@ -92,7 +111,10 @@ impl Volume {
     /// others pull too unless they fall on a surface that is firmly known, to which they add little.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
-        let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
+        let (near, far) = (
+            self.config.min_range_m * scale,
+            self.config.max_range_m * scale,
+        );
         let mut rays = Vec::with_capacity(points.len() / 2);
         let turn = self.config.clear_every as i64;
         let firm = self.config.max_weight / 2;
@@ -108,13 +130,25 @@ impl Volume {
                 continue;
             }
             let direction = offset / range;
-            let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
+            let tip = if range > far {
+                scan.origin + direction * far
+            } else {
+                scan.origin + offset
+            };
             let end: [i32; 3] = tip.map(floor).into();
-            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
+            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>()
+                + i64::from(self.revision))
+            .rem_euclid(turn)
+                == 0;
             if range > far {
                 scan.report.beyond_range += 1;
                 if is_turn {
-                    rays.push(Ray { direction, range: far, end: None, is_clearing: true });
+                    rays.push(Ray {
+                        direction,
+                        range: far,
+                        end: None,
+                        is_clearing: true,
+                    });
                 }
                 continue;
             }
@@ -130,7 +164,12 @@ impl Volume {
             insert(&mut block.hit, local);
             let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
             if is_first || !is_firm {
-                rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
+                rays.push(Ray {
+                    direction,
+                    range,
+                    end: Some(end),
+                    is_clearing: is_first && is_turn,
+                });
             }
         }
         rays
@@ -140,9 +179,16 @@ impl Volume {
     fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
         let scale = 1.0 / self.config.voxel_m;
         // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
-        let (front, behind) = ((self.config.truncation_m * scale).min(3.0), self.config.behind_m * scale);
+        let (front, behind) = (
+            (self.config.truncation_m * scale).min(3.0),
+            self.config.behind_m * scale,
+        );
         let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
-        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
+        let mut walk = RayWalk::new(
+            scan.origin.into(),
+            ray.direction.into(),
+            (ray.range - front).max(0.0),
+        );
         let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
         loop {
             if id != NONE {
@@ -170,7 +216,11 @@ impl Volume {
     /// Step 2 for one ray.
     fn look_through(&mut self, ray: &Ray, scan: &mut Scan) {
         // One voxel before the return, or all the way if there is none.
-        let stop = if ray.end.is_some() { ray.range - 1.0 } else { ray.range };
+        let stop = if ray.end.is_some() {
+            ray.range - 1.0
+        } else {
+            ray.range
+        };
         if stop <= 0.0 {
             return;
         }
@@ -217,7 +267,9 @@ impl Volume {
         for axis in 0..3 {
             let mut rise = [0.0; 2];
             for (side, rise) in rise.iter_mut().enumerate() {
-                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else { continue };
+                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else {
+                    continue;
+                };
                 if block.scan == self.revision && contains(&block.hit, local) {
                     return false;
                 }
@@ -233,7 +285,8 @@ impl Volume {
         }
         // A ray that ends in the tangent plane of the surface slid over it and says nothing against it.
         let steepness = gradient.norm();
-        let ends_off_border = rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * steepness;
+        let ends_off_border =
+            rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * steepness;
         match (sheets, steepness > noticeable) {
             (0, true) => ends_off_border,
             (1, true) => ends_off_border || ends_off_sheet,
@@ -242,11 +295,21 @@ impl Volume {
         }
     }
 
-    fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
+    fn face_neighbour(
+        &self,
+        id: u32,
+        voxel: [i32; 3],
+        axis: usize,
+        side: usize,
+    ) -> Option<(&Block, usize)> {
         let mut other = voxel;
         other[axis] += if side == 1 { 1 } else { -1 };
-        let id = if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
-        (id != NONE).then(|| (&*self.blocks[id as usize], local_of(other)))
+        let id = if other[axis] >> 3 == voxel[axis] >> 3 {
+            id
+        } else {
+            self.blocks[id as usize].links[2 * axis + side]
+        };
+        (id != NONE).then(|| (&self.blocks[id as usize], local_of(other)))
     }
 
     /// Step 3.
@@ -255,13 +318,13 @@ impl Volume {
             let block = &mut self.blocks[*id as usize];
             let mut cleared = 0;
             let mut layers = [false; 8];
-            for z in 0..8 {
+            for (z, layer) in layers.iter_mut().enumerate() {
                 let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
                 if marked & block.occupied[z] != 0 {
                     block.surface_revision = self.revision;
                 }
                 cleared += marked.count_ones() as usize;
-                layers[z] = marked != 0;
+                *layer = marked != 0;
                 while marked != 0 {
                     let local = z * 64 + marked.trailing_zeros() as usize;
                     marked &= marked - 1;
@@ -296,7 +359,11 @@ impl Volume {
     #[inline(always)]
     fn follow(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
         let entered = if walk.step[axis] > 0 { 0 } else { 7 };
-        if walk.index[axis] & 7 == entered { self.next_block(id, walk, axis, scan) } else { id }
+        if walk.index[axis] & 7 == entered {
+            self.next_block(id, walk, axis, scan)
+        } else {
+            id
+        }
     }
 
     fn next_block(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {

@@ -28,7 +28,7 @@ pub enum Cell {
 pub struct Volume {
     pub(crate) config: VolumeConfig,
     pub(crate) thresholds: Thresholds,
-    pub(crate) blocks: Vec<Box<Block>>,
+    pub(crate) blocks: Vec<Block>,
     index: FxHashMap<u64, u32>,
     /// Number of the last change (scan or vote).
     pub(crate) revision: u32,
@@ -69,7 +69,8 @@ impl Volume {
 
     /// Unknown, free or occupied at a world point. Points that are not finite are unknown.
     pub fn observe(&self, point: &Point3<f64>) -> Cell {
-        self.voxel_of(point).map_or(Cell::Unknown, |voxel| self.observe_voxel(voxel))
+        self.voxel_of(point)
+            .map_or(Cell::Unknown, |voxel| self.observe_voxel(voxel))
     }
 
     /// The stored signed distance at a world point, metres, positive in front of surfaces and cut at the truncation;
@@ -78,7 +79,8 @@ impl Volume {
         let voxel = self.voxel_of(point)?;
         let block = self.block(BlockKey::of_voxel(voxel))?;
         let local = local_of(voxel);
-        contains(&block.known, local).then(|| f64::from(block.distance[local]) / f64::from(self.thresholds.units_per_m))
+        contains(&block.known, local)
+            .then(|| f64::from(block.distance[local]) / f64::from(self.thresholds.units_per_m))
     }
 
     /// The label that leads in the voxel at a world point; `None` where nobody voted.
@@ -97,15 +99,24 @@ impl Volume {
         let revision = self.revision;
         let mut counted = 0;
         for (point, label) in labelled {
-            let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else { continue };
-            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else { continue };
+            let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else {
+                continue;
+            };
+            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else {
+                continue;
+            };
             if *label == 0 {
                 continue;
             }
             counted += 1;
             let block = &mut self.blocks[id as usize];
             let local = local_of(voxel);
-            let votes = block.votes.get_or_insert_with(|| Box::new(Votes { label: [0; 512], count: [0; 512] }));
+            let votes = block.votes.get_or_insert_with(|| {
+                Box::new(Votes {
+                    label: [0; 512],
+                    count: [0; 512],
+                })
+            });
             if votes.count[local] == 0 {
                 votes.label[local] = *label;
                 votes.count[local] = 1;
@@ -125,19 +136,26 @@ impl Volume {
         let mut low = [first.x, first.y, first.z];
         let mut high = low;
         for block in &self.blocks {
-            for (axis, v) in [block.key.x, block.key.y, block.key.z].into_iter().enumerate() {
+            for (axis, v) in [block.key.x, block.key.y, block.key.z]
+                .into_iter()
+                .enumerate()
+            {
                 low[axis] = low[axis].min(v);
                 high[axis] = high[axis].max(v);
             }
         }
         let edge = 8.0 * self.config.voxel_m;
-        let at = |k: [i32; 3], add: i32| Point3::from(Vector3::from(k.map(|v| f64::from(v + add) * edge)));
+        let at = |k: [i32; 3], add: i32| {
+            Point3::from(Vector3::from(k.map(|v| f64::from(v + add) * edge)))
+        };
         Some((at(low, 0), at(high, 1)))
     }
 
     /// World position of a voxel's centre.
     pub fn voxel_center(&self, voxel: [i32; 3]) -> Point3<f64> {
-        Point3::from(Vector3::from(voxel.map(|i| (f64::from(i) + 0.5) * self.config.voxel_m)))
+        Point3::from(Vector3::from(
+            voxel.map(|i| (f64::from(i) + 0.5) * self.config.voxel_m),
+        ))
     }
 
     /// The voxel that holds a world point; `None` if not finite or absurdly far away.
@@ -145,7 +163,7 @@ impl Volume {
         let mut voxel = [0; 3];
         for axis in 0..3 {
             let q = point[axis] / self.config.voxel_m;
-            if !(q.abs() < MAX_VOXEL_INDEX) {
+            if q.is_nan() || q.abs() >= MAX_VOXEL_INDEX {
                 return None;
             }
             voxel[axis] = floor(q);
@@ -156,7 +174,7 @@ impl Volume {
     /// Bytes taken by the blocks.
     pub fn memory_bytes(&self) -> usize {
         let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
-        self.blocks.len() * (size_of::<Block>() + 32) + votes
+        self.blocks.len() * size_of::<Block>() + votes
     }
 
     /// Checks everything that must hold between the parts; for tests.
@@ -164,25 +182,46 @@ impl Volume {
     /// # Panics
     /// With the name of the rule that is broken.
     pub fn check_invariants(&self) {
-        assert_eq!(self.index.len(), self.blocks.len(), "index and blocks have one entry per block");
+        assert_eq!(
+            self.index.len(),
+            self.blocks.len(),
+            "index and blocks have one entry per block"
+        );
         for (id, block) in self.blocks.iter().enumerate() {
-            assert_eq!(self.block_id(block.key), Some(id as u32), "the index finds the block");
+            assert_eq!(
+                self.block_id(block.key),
+                Some(id as u32),
+                "the index finds the block"
+            );
             for (side, link) in block.links.iter().enumerate() {
-                let expected = self.block_id(neighbour_key(block.key, side)).unwrap_or(NONE);
+                let expected = self
+                    .block_id(neighbour_key(block.key, side))
+                    .unwrap_or(NONE);
                 assert_eq!(*link, expected, "links agree with the index");
             }
             let mut copy = block.clone();
             copy.refresh(|_| true, &self.thresholds, u32::MAX);
             assert_eq!(copy.known, block.known, "known set follows the weights");
-            assert_eq!(copy.occupied, block.occupied, "occupied set follows the distances");
+            assert_eq!(
+                copy.occupied, block.occupied,
+                "occupied set follows the distances"
+            );
             assert_eq!(copy.settled, block.settled, "settled set follows both");
-            assert_eq!(copy.all_settled, block.all_settled, "summary follows the settled set");
-            assert!(block.weight.iter().all(|w| *w <= self.config.max_weight), "weights are capped");
+            assert_eq!(
+                copy.all_settled, block.all_settled,
+                "summary follows the settled set"
+            );
+            assert!(
+                block.weight.iter().all(|w| *w <= self.config.max_weight),
+                "weights are capped"
+            );
         }
     }
 
     pub(crate) fn observe_voxel(&self, voxel: [i32; 3]) -> Cell {
-        let Some(block) = self.block(BlockKey::of_voxel(voxel)) else { return Cell::Unknown };
+        let Some(block) = self.block(BlockKey::of_voxel(voxel)) else {
+            return Cell::Unknown;
+        };
         let local = local_of(voxel);
         if contains(&block.occupied, local) {
             Cell::Occupied
@@ -200,7 +239,7 @@ impl Volume {
 
     #[inline]
     pub(crate) fn block(&self, key: BlockKey) -> Option<&Block> {
-        self.block_id(key).map(|id| &*self.blocks[id as usize])
+        self.block_id(key).map(|id| &self.blocks[id as usize])
     }
 
     /// Finds or makes a block; `None` when the volume is full.
@@ -219,7 +258,7 @@ impl Volume {
         let id = self.blocks.len() as u32;
         let key = block.key;
         self.index.insert(key.packed(), id);
-        self.blocks.push(Box::new(block));
+        self.blocks.push(block);
         for side in 0..6 {
             let neighbour = self.block_id(neighbour_key(key, side)).unwrap_or(NONE);
             self.blocks[id as usize].links[side] = neighbour;
