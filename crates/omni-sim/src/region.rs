@@ -153,17 +153,23 @@ impl Region {
 
     /// All pixels with no pixel outside the region within `radius`; the picture's border does not count as outside.
     pub fn eroded(&self, radius: u32, width: u32, height: u32) -> Region {
-        let outside = self
-            .complement(width, height)
-            .dilated(radius, width, height);
-        outside.complement(width, height)
+        let (Some(first), Some(last)) = (self.runs.first(), self.runs.last()) else {
+            return Region::default();
+        };
+        let columns = first.column..(last.column + 1).min(width);
+        let around =
+            columns.start.saturating_sub(radius)..columns.end.saturating_add(radius).min(width);
+        let outside = self.complement(around, height);
+        outside
+            .dilated(radius, width, height)
+            .complement(columns, height)
     }
 
-    /// All other pixels of the picture.
-    fn complement(&self, width: u32, height: u32) -> Region {
+    /// The other pixels of some columns.
+    fn complement(&self, columns: std::ops::Range<u32>, height: u32) -> Region {
         let mut runs = Vec::new();
-        let mut next = 0;
-        for column in 0..width {
+        let mut next = self.runs.partition_point(|r| r.column < columns.start);
+        for column in columns {
             let mut from = 0;
             while let Some(run) = self.runs.get(next).filter(|r| r.column == column) {
                 if from < run.from {

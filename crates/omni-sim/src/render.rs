@@ -88,27 +88,29 @@ fn render_with_blocks(
         height,
         block,
     };
-    let starts: Vec<usize> = (0..width).step_by(STRIP).collect();
-    let strips: Vec<Strip<'_>> = starts
-        .par_iter()
-        .map(|&x0| {
-            let mut strip = Strip::new(&scene, x0, STRIP.min(width - x0));
-            strip.render();
-            strip
-        })
-        .collect();
-
     let mut rendering = Rendering {
         view: *view,
         rgb: vec![0; 3 * width * height],
-        instances: Vec::with_capacity(width * height),
+        instances: vec![0; width * height],
         rays: 0,
     };
-    for strip in strips {
-        rendering.instances.extend_from_slice(&strip.instances);
-        rendering.rays += strip.samples.len();
-        for (y, row) in strip.rgb.chunks_exact(3 * strip.width).enumerate() {
-            let at = 3 * (y * width + strip.x0);
+    // A strip's columns are one piece of the column-major instances; its colours are copied row by row.
+    let tiles: Vec<(usize, Vec<u8>)> = rendering
+        .instances
+        .par_chunks_mut(STRIP * height)
+        .enumerate()
+        .map_init(Samples::default, |samples, (index, instances)| {
+            let mut strip = Strip::new(&scene, index * STRIP, samples, instances);
+            strip.render();
+            let rgb = strip.rgb;
+            (samples.found.len(), rgb)
+        })
+        .collect();
+    for (index, (rays, tile)) in tiles.iter().enumerate() {
+        rendering.rays += rays;
+        let x0 = index * STRIP;
+        for (y, row) in tile.chunks_exact(tile.len() / height).enumerate() {
+            let at = 3 * (y * width + x0);
             rendering.rgb[at..at + row.len()].copy_from_slice(row);
         }
     }
@@ -188,36 +190,51 @@ struct Strip<'a> {
     x0: usize,
     width: usize,
     rgb: Vec<u8>,
-    instances: Vec<InstanceId>,
-    samples: Vec<Sample>,
-    /// Index of the sample at each pixel, one block beyond the strip on the right and below.
-    sample_at: Vec<u32>,
+    instances: &'a mut [InstanceId],
+    samples: &'a mut Samples,
     stride: usize,
     /// Things whose boxes may be seen in this strip.
     boxes: Vec<&'a BoxInView>,
+}
+
+/// The samples of a strip; the memory goes from strip to strip.
+#[derive(Default)]
+struct Samples {
+    found: Vec<Sample>,
+    /// Index of the sample at each pixel, one block beyond the strip on the right and below.
+    at: Vec<u32>,
     stack: RayStack,
 }
 
 const NO_SAMPLE: u32 = u32::MAX;
 
 impl<'a> Strip<'a> {
-    fn new(scene: &'a Scene<'a>, x0: usize, width: usize) -> Self {
+    fn new(
+        scene: &'a Scene<'a>,
+        x0: usize,
+        samples: &'a mut Samples,
+        instances: &'a mut [InstanceId],
+    ) -> Self {
+        let width = instances.len() / scene.height;
         let stride = width + scene.block + 1;
+        samples.found.clear();
+        samples.at.clear();
+        samples
+            .at
+            .resize(stride * (scene.height + scene.block + 1), NO_SAMPLE);
         Strip {
             scene,
             x0,
             width,
             rgb: vec![0; 3 * width * scene.height],
-            instances: vec![0; width * scene.height],
-            samples: Vec::new(),
-            sample_at: vec![NO_SAMPLE; stride * (scene.height + scene.block + 1)],
+            instances,
+            samples,
             stride,
             boxes: scene
                 .boxes
                 .iter()
                 .filter(|b| b.overlaps_columns(x0, x0 + width + scene.block))
                 .collect(),
-            stack: RayStack::default(),
         }
     }
 
@@ -287,12 +304,13 @@ impl<'a> Strip<'a> {
 
     fn sample(&mut self, x: usize, y: usize) -> Sample {
         let at = y * self.stride + x;
-        if self.sample_at[at] == NO_SAMPLE {
-            let sample = self.scene.sample(self.x0 + x, y, &mut self.stack);
-            self.sample_at[at] = self.samples.len() as u32;
-            self.samples.push(sample);
+        let samples = &mut *self.samples;
+        if samples.at[at] == NO_SAMPLE {
+            let sample = self.scene.sample(self.x0 + x, y, &mut samples.stack);
+            samples.at[at] = samples.found.len() as u32;
+            samples.found.push(sample);
         }
-        self.samples[self.sample_at[at] as usize]
+        samples.found[samples.at[at] as usize]
     }
 
     fn interpolate(&mut self, x: usize, y: usize, size: usize, corners: &[Sample; 4]) {
