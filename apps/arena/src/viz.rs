@@ -420,3 +420,71 @@ fn transform(parent_from_child: &Isometry3<f64>) -> Transform3D {
 fn quaternion(rotation: &UnitQuaternion<f64>) -> Quaternion {
     Quaternion::from_xyzw(rotation.coords.map(|c| c as f32).into())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    use mission::robot_model::RobotModel;
+    use rerun::external::re_log_encoding::DecoderApp;
+    use rerun::log::{Chunk, LogMsg};
+
+    use super::*;
+    use crate::referee::Referee;
+    use crate::run::{RunConfig, run};
+    use crate::scenario::{draw_start, robot_truth};
+    use crate::task::Task;
+
+    #[test]
+    fn a_recording_holds_the_map_and_one_body_pose_for_each_sample() {
+        let robot = RobotModel::builtin_quadruped();
+        let scene = Scene::open("flat", &robot).unwrap();
+        let config = RunConfig { max_time_s: 2.0, ..RunConfig::default() };
+        let task = Task::read("find the mug near the sink", &scene.building).unwrap();
+        let truth = robot_truth(&robot, config.mission.flight_height_m);
+        let start = draw_start(&Referee::new(&scene.building, &scene.world, truth, 0), &robot, 0).unwrap();
+        let result = run(&config, &robot, &scene, &task, &start, None, 0, &Arc::default(), &mut |_| ()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording.rrd");
+        write_recording(&path, &result, &scene).unwrap();
+
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let (mut rows, mut is_blueprint_active) = (BTreeMap::<(String, bool), usize>::new(), false);
+        for message in DecoderApp::decode_lazy(file) {
+            match message.unwrap() {
+                LogMsg::ArrowMsg(_, message) => {
+                    let chunk = Chunk::from_arrow_msg(&message).unwrap();
+                    *rows.entry((chunk.entity_path().to_string(), chunk.is_static())).or_default() += chunk.num_rows();
+                }
+                LogMsg::BlueprintActivationCommand(_) => is_blueprint_active = true,
+                LogMsg::SetStoreInfo(_) => {}
+            }
+        }
+        assert!(is_blueprint_active);
+        for path in
+            ["/map/mesh/below", "/map/objects/confirmed", "/map/places/points", "/map/robot/body", "/map/truth/path"]
+        {
+            assert_eq!(rows.get(&(path.to_owned(), true)), Some(&1), "{path} in {rows:?}");
+        }
+        let samples = result.journal().curves.len();
+        assert!(samples > 5);
+        for path in ["/map/robot", "/map/path", "/curves/speed", "/curves/tokens"] {
+            assert_eq!(rows.get(&(path.to_owned(), false)), Some(&samples), "{path} in {rows:?}");
+        }
+        assert!(rows[&("/log".to_owned(), false)] > 0);
+    }
+
+    #[test]
+    fn the_built_in_body_keeps_its_size() {
+        // A box around a shape is as large as the shape: a box stays itself.
+        let shape = CollisionShape {
+            link: "trunk".into(),
+            body_from_shape: Isometry3::translation(0.1, 0.2, 0.3),
+            geometry: mission::robot_model::Geometry::Box { half: Vector3::new(0.3, 0.2, 0.1) },
+        };
+        let expected = Boxes3D::from_centers_and_half_sizes([[0.1, 0.2, 0.3_f64]], [[0.3, 0.2, 0.1_f64]])
+            .with_quaternions([quaternion(&UnitQuaternion::identity())]);
+        assert_eq!(boxes_of(&[shape]), expected);
+    }
+}
