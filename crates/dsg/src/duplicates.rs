@@ -99,8 +99,13 @@ fn is_duplicate(graph: &SceneGraph, a: &Object, b: &Object, config: &Association
         return apart < APART_FRAMES
             && (contained >= 0.6 || (size_ratio >= 0.6 && moved_m <= gate_m));
     }
-    // Other names: a doubtful object that coincides with a believed one in place and size is a wrong name for it.
-    apart < APART_FRAMES && is_tentative && size_ratio >= 0.5 && overlap() >= 0.8
+    // Other names. Two things cannot fill the same space, and two things that lie in one view are seen as two sooner or
+    // later: what coincides in points and was never seen beside the other is a wrong name for it. A wrong name may last
+    // for seconds, so its being believed is no argument.
+    let is_same_size = size_ratio >= 0.5 && apart < APART_FRAMES;
+    let is_part =
+        apart == 0 && small.observations.min(large.observations) >= config.confirm_observations;
+    (is_same_size || is_part) && overlap() >= 0.8
 }
 
 fn merge(

@@ -12,7 +12,7 @@ use crate::op::OpError;
 /// Larger files are refused before they are parsed.
 pub const MAX_BYTES: usize = 512 << 20;
 
-/// A place in a JSON file: "$.objects[3].centroid[0]".
+/// A place in a JSON file: `$.objects[3].centroid[0]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JsonPath(pub String);
 

@@ -112,16 +112,16 @@ impl ObjectMemory {
 
     /// Takes in the points of one frame.
     pub fn absorb(&mut self, points: &[Point3<f32>], stamp_ns: i64) {
-        let mut frame: BTreeMap<[i32; 3], (Vector3<f32>, f32)> = BTreeMap::new();
-        for point in points {
-            let entry = frame
-                .entry(key_of(point, self.voxel_m))
-                .or_insert((Vector3::zeros(), 0.0));
-            entry.0 += point.coords;
-            entry.1 += 1.0;
-        }
-        for (key, (sum, count)) in frame {
-            let mean = Point3::from(sum / count);
+        // Points of one voxel become neighbours; the stable sort keeps their order, so sums are the same everywhere.
+        let mut keyed: Vec<([i32; 3], &Point3<f32>)> = points
+            .iter()
+            .map(|point| (key_of(point, self.voxel_m), point))
+            .collect();
+        keyed.sort_by_key(|(key, _)| *key);
+        for hits in keyed.chunk_by(|a, b| a.0 == b.0) {
+            let key = hits[0].0;
+            let sum: Vector3<f32> = hits.iter().map(|(_, point)| point.coords).sum();
+            let mean = Point3::from(sum / hits.len() as f32);
             match self.cells.binary_search_by_key(&key, |cell| cell.key) {
                 Ok(at) => {
                     let cell = &mut self.cells[at];
@@ -210,15 +210,19 @@ impl ObjectMemory {
         if fresh.len() < 3 || fresh.len() == self.cells.len() {
             return;
         }
+        let around = Aabb::around(fresh.iter().map(|point| point.cast::<f64>()));
         // A bounded, evenly spread sample is enough to tell near from far.
         let stride = fresh.len().div_ceil(160);
         let sample: Vec<Point3<f32>> = fresh.into_iter().step_by(stride).collect();
         self.cells.retain(|cell| {
-            let reach_m = 0.03 + drift_m(age_s(cell)) as f32;
-            age_s(cell) <= FRESH_S
-                || sample
-                    .iter()
-                    .all(|p| (p - cell.mean).norm_squared() > reach_m * reach_m)
+            let age_s = age_s(cell);
+            let reach_m = 0.03 + drift_m(age_s);
+            let is_near =
+                |p: &Point3<f32>| (p - cell.mean).norm_squared() <= (reach_m * reach_m) as f32;
+            let mean = cell.mean.cast::<f64>();
+            age_s <= FRESH_S
+                || around.is_none_or(|around| !around.inflated(reach_m).contains(&mean))
+                || !sample.iter().any(is_near)
         });
     }
 
@@ -346,7 +350,7 @@ pub(crate) fn robust_bounds(weighted: &[(Point3<f64>, f64)]) -> Option<Aabb> {
             .iter()
             .map(|(point, weight)| (point[axis], *weight))
             .collect();
-        along.sort_by(|a, b| a.0.total_cmp(&b.0));
+        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         bounds.min[axis] = percentile(along.iter().copied(), TRIM * total);
         bounds.max[axis] = percentile(along.iter().rev().copied(), TRIM * total);
     }

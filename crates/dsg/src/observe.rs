@@ -281,3 +281,68 @@ fn follow_drift(object: &Object, memory: &mut ObjectMemory, view: &View) {
         memory.shift(&by);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The upper face of a box, as points 2 cm apart.
+    fn top(center: [f32; 3], sides: [f32; 2]) -> Vec<Point3<f32>> {
+        let (columns, rows) = (
+            (sides[0] / 0.02) as usize + 1,
+            (sides[1] / 0.02) as usize + 1,
+        );
+        let point = |i: usize| {
+            let (u, v) = ((i % columns) as f32 * 0.02, (i / columns) as f32 * 0.02);
+            Point3::new(
+                center[0] - sides[0] / 2.0 + u,
+                center[1] - sides[1] / 2.0 + v,
+                center[2],
+            )
+        };
+        (0..columns * rows).map(point).collect()
+    }
+
+    fn view(frame: i64, label: &str, points: Vec<Point3<f32>>) -> ObjectEvidence {
+        ObjectEvidence {
+            stamp_ns: frame * 500_000_000,
+            label_weights: vec![(label.to_owned(), 1.0)],
+            caption: String::new(),
+            score: 0.9,
+            points,
+            color: None,
+        }
+    }
+
+    #[test]
+    fn a_wrong_name_that_lasts_for_seconds_is_still_the_same_thing() {
+        // Found by a simulated walk: half a coffee table, called a bench for 15 frames, became a believed bench.
+        let mut graph = SceneGraph::new();
+        let config = AssociationConfig::default();
+        for frame in 0..20 {
+            let table = view(frame, "coffee table", top([0.0, 0.0, 0.44], [1.0, 0.6]));
+            observe_objects(&mut graph, &[table], &config).unwrap();
+        }
+        for frame in 20..35 {
+            let bench = view(frame, "bench", top([-0.35, 0.0, 0.44], [0.3, 0.6]));
+            observe_objects(&mut graph, &[bench], &config).unwrap();
+        }
+        let labels: Vec<&str> = graph
+            .objects()
+            .map(|object| object.label.as_str())
+            .collect();
+        assert_eq!(labels, ["coffee table"]);
+    }
+
+    #[test]
+    fn a_book_on_a_table_is_seen_beside_it_and_stays_a_book() {
+        let mut graph = SceneGraph::new();
+        let config = AssociationConfig::default();
+        for frame in 0..30 {
+            let table = view(frame, "coffee table", top([0.0, 0.0, 0.44], [1.0, 0.6]));
+            let book = view(frame, "book", top([0.2, 0.1, 0.47], [0.2, 0.14]));
+            observe_objects(&mut graph, &[table, book], &config).unwrap();
+        }
+        assert_eq!(graph.confirmed_objects().count(), 2);
+    }
+}

@@ -52,7 +52,7 @@ fn errors(walk: &Walk, graph: &SceneGraph) -> (Vec<f64>, usize) {
 
 #[test]
 fn four_minutes_of_drift_noise_and_confusion_make_no_duplicates() {
-    for seed in 1..=2 {
+    for seed in [1, 2, 3] {
         let walk = Walk {
             things: furniture(),
             trouble: USUAL,
@@ -100,7 +100,7 @@ fn four_minutes_of_drift_noise_and_confusion_make_no_duplicates() {
 
 #[test]
 fn strong_drift_is_followed() {
-    // 0.3 m per minute and way of 40 m: 1.2 m in all, as the mission's odometry may do.
+    // 0.3 m per minute and way of 40 m: 0.9 m in all, as the mission's odometry may do.
     let trouble = Trouble {
         drift_m: 1.2,
         heading_rad: 0.1,

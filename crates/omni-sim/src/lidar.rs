@@ -281,7 +281,7 @@ impl Column<'_> {
             if key.uniform() < self.config.dropout + f64::from(grazing * grazing) {
                 continue;
             }
-            let range = f64::from(range) + self.config.range_noise_m * key.with(2).normal_pair().0;
+            let range = f64::from(range) + self.config.range_noise_m * key.with(2).normal();
             if range < self.config.min_range_m || range > self.config.max_range_m {
                 continue;
             }

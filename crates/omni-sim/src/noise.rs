@@ -62,6 +62,13 @@ impl NoiseKey {
         (radius * cos, radius * sin)
     }
 
+    /// A standard normal number: the first of [`NoiseKey::normal_pair`].
+    #[inline]
+    pub fn normal(self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.with(1).uniform()).cos()
+    }
+
     /// Number of events of a Poisson process with the given mean (Knuth); means above 50 are cut to 50.
     pub fn poisson(self, mean: f64) -> usize {
         let limit = (-mean.clamp(0.0, 50.0)).exp();

@@ -33,7 +33,7 @@ pub struct SegmenterConfig {
     pub bleed_px: f64,
     /// Time for which an error of a thing seen from one side stays (4).
     pub correlation_s: f64,
-    /// Visible pixels at which a thing counts as small (600).
+    /// Visible pixels of a 1920 panorama at which a thing counts as small (600); in proportion for other sizes.
     pub small_px: f64,
     /// Distance beyond which a thing counts as far (6).
     pub far_m: f64,
@@ -215,7 +215,8 @@ impl Frame<'_> {
         let lasting = self.lasting(root, to_camera);
         let momentary = root.with(self.stamp_ns as u64);
 
-        let smallness = (-(area as f64) / config.small_px).exp();
+        let scale = 1920.0 / f64::from(self.width);
+        let smallness = (-(area as f64) * scale * scale / config.small_px).exp();
         let farness = (to_camera.norm() / config.far_m - 1.0).clamp(0.0, 1.0);
         let miss = config.noise_scale * config.miss * (0.5 + 2.0 * smallness + 0.5 * farness);
         // Two draws of which either may miss: 1 - (1 - 0.7 p)(1 - 0.3 p) is p within a few per cent of it.

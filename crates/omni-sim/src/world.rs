@@ -91,7 +91,8 @@ pub struct World {
 struct MovingMesh {
     mover: Mover,
     bvh: Bvh,
-    /// Smallest sphere about the mover's origin that holds its mesh.
+    /// A ball that holds the mesh, in the mover's frame.
+    center: Point3<f32>,
     radius: f32,
     /// Surface number of its first triangle.
     first_surface: u32,
@@ -122,9 +123,10 @@ pub(crate) struct Extent {
 }
 
 impl World {
-    /// Checks the input and builds the trees (about 100 ms for 50 000 triangles).
+    /// Checks the input and builds the trees (about 100 ms for 50 000 triangles). Movers with one key pose never move:
+    /// their triangles are added to the static mesh.
     pub fn new(
-        static_mesh: TriangleMesh,
+        mut static_mesh: TriangleMesh,
         movers: Vec<Mover>,
         mut things: Vec<Thing>,
     ) -> Result<World, WorldError> {
@@ -142,6 +144,10 @@ impl World {
             return Err(WorldError::TooLarge);
         }
 
+        let (still, movers): (Vec<Mover>, Vec<Mover>) =
+            movers.into_iter().partition(|m| m.path.len() == 1);
+        still.iter().for_each(|mover| bake(mover, &mut static_mesh));
+
         let mut facets = facet::Facets::default();
         let mut surfaces = Vec::with_capacity(total);
         surfaces_of(&static_mesh, None, &mut facets, &mut surfaces);
@@ -150,6 +156,7 @@ impl World {
             .into_iter()
             .map(|mover| {
                 let first_surface = surfaces.len() as u32;
+                let (center, radius) = ball_of(&mover.mesh);
                 surfaces_of(
                     &mover.mesh,
                     Some(mover.instance),
@@ -158,12 +165,8 @@ impl World {
                 );
                 MovingMesh {
                     bvh: Bvh::build(&mover.mesh.vertices, &mover.mesh.faces),
-                    radius: mover
-                        .mesh
-                        .vertices
-                        .iter()
-                        .map(|v| v.coords.norm())
-                        .fold(0.0, f32::max),
+                    center,
+                    radius,
                     mover,
                     first_surface,
                 }
@@ -248,10 +251,16 @@ impl World {
     pub fn at(&self, stamp_ns: i64) -> Snapshot<'_> {
         Snapshot {
             world: self,
-            mover_poses: self
+            movers: self
                 .movers
                 .iter()
-                .map(|m| m.mover.pose_at(stamp_ns).cast())
+                .map(|moving| {
+                    let pose: Isometry3<f32> = moving.mover.pose_at(stamp_ns).cast();
+                    PosedMover {
+                        center: pose * moving.center,
+                        pose,
+                    }
+                })
                 .collect(),
         }
     }
@@ -267,12 +276,12 @@ impl World {
         &self.things
     }
 
-    /// The triangles that do not move.
+    /// The triangles that do not move: those given first, then those of movers with one pose.
     pub fn static_mesh(&self) -> &TriangleMesh {
         &self.static_mesh
     }
 
-    /// The movers, in the order they were given.
+    /// The movers with more than one pose, in the order they were given.
     pub fn movers(&self) -> impl Iterator<Item = &Mover> {
         self.movers.iter().map(|m| &m.mover)
     }
@@ -332,7 +341,14 @@ impl World {
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
     world: &'a World,
-    mover_poses: Vec<Isometry3<f32>>,
+    movers: Vec<PosedMover>,
+}
+
+#[derive(Debug, Clone)]
+struct PosedMover {
+    pose: Isometry3<f32>,
+    /// Middle of its ball in the world.
+    center: Point3<f32>,
 }
 
 impl Snapshot<'_> {
@@ -350,9 +366,9 @@ impl Snapshot<'_> {
             .static_bvh
             .cast(origin, direction, max_distance_m, stack)
             .map(|hit| (hit.distance, hit.triangle));
-        for (moving, pose) in self.world.movers.iter().zip(&self.mover_poses) {
+        for (moving, posed) in self.world.movers.iter().zip(&self.movers) {
             let limit = best.map_or(max_distance_m, |(distance, _)| distance);
-            let to_center = pose.translation.vector - origin.coords;
+            let to_center = posed.center - origin;
             let along = to_center.dot(direction);
             let beside = (to_center - direction * along).norm_squared();
             if beside > moving.radius * moving.radius
@@ -361,8 +377,8 @@ impl Snapshot<'_> {
             {
                 continue;
             }
-            let local_origin = pose.inverse_transform_point(origin);
-            let local_direction = pose.inverse_transform_vector(direction);
+            let local_origin = posed.pose.inverse_transform_point(origin);
+            let local_direction = posed.pose.inverse_transform_vector(direction);
             if let Some(hit) = moving
                 .bvh
                 .cast(&local_origin, &local_direction, limit, stack)
@@ -385,7 +401,7 @@ impl Snapshot<'_> {
             .movers
             .partition_point(|m| m.first_surface <= surface)
             - 1;
-        self.mover_poses[mover] * normal
+        self.movers[mover].pose * normal
     }
 
     /// The world this is a moment of.
@@ -394,7 +410,7 @@ impl Snapshot<'_> {
     }
 
     pub(crate) fn mover_pose(&self, mover: usize) -> &Isometry3<f32> {
-        &self.mover_poses[mover]
+        &self.movers[mover].pose
     }
 }
 
@@ -483,6 +499,35 @@ fn surfaces_of(
             color,
         });
     }
+}
+
+/// Adds the triangles of a mover with one pose to the static mesh.
+fn bake(mover: &Mover, mesh: &mut TriangleMesh) {
+    let base = mesh.vertices.len() as u32;
+    let pose = &mover.path[0].1;
+    let placed = mover.mesh.vertices.iter();
+    mesh.vertices
+        .extend(placed.map(|v| (pose * v.cast::<f64>()).cast::<f32>()));
+    let faces = mover.mesh.faces.iter();
+    mesh.faces.extend(faces.map(|f| f.map(|i| base + i)));
+    mesh.instances
+        .extend(std::iter::repeat_n(mover.instance, mover.mesh.faces.len()));
+    mesh.colors.extend_from_slice(&mover.mesh.colors);
+}
+
+/// A ball about the middle of a mesh's box.
+fn ball_of(mesh: &TriangleMesh) -> (Point3<f32>, f32) {
+    let Some(first) = mesh.vertices.first() else {
+        return (Point3::origin(), 0.0);
+    };
+    let low = mesh.vertices.iter().fold(*first, |a, b| a.inf(b));
+    let high = mesh.vertices.iter().fold(*first, |a, b| a.sup(b));
+    let center = nalgebra::center(&low, &high);
+    let reach = |v: &Point3<f32>| (v - center).norm();
+    (
+        center,
+        mesh.vertices.iter().map(reach).fold(0.0, f32::max) * 1.0001,
+    )
 }
 
 /// Faces of each instance, by instance.

@@ -413,6 +413,11 @@ impl DistanceField {
         });
     }
 
+    /// Largest squared distance that is kept; never [`BEYOND`].
+    pub(crate) fn reach_squared(&self) -> u16 {
+        self.reach_squared as u16
+    }
+
     /// The obstacle cell a cell's distance belongs to.
     pub(crate) fn obstacle_of(&self, cell: usize) -> Option<[usize; 3]> {
         if self.squared[cell] == BEYOND {

@@ -1,14 +1,14 @@
 //! One scan into the volume: the truncation band of every return, then the free space before it.
 //!
-//! 1. *Band.* Every return pulls the voxels from `truncation` in front of it to `behind` behind it towards its own signed
+//! 1. *Band.* Returns pull the voxels from three in front of them to `behind` behind them towards their own signed
 //!    distance along the ray (Curless and Levoy 1996, with a capped weight, so that the map follows the newest evidence).
 //! 2. *Look-through.* Rays that end in different voxels mark what they pass, stopping one voxel before the return. A voxel
-//!    in the band of any return of this scan is never cleared by this scan; a voxel near a surface is cleared only if
+//!    that holds a return of this scan, or lies in its band, is never cleared by this scan; a voxel near a surface is cleared only if
 //!    none of its face neighbours holds a return of this scan and the ray ends well off the surface that the voxel
 //!    belongs to. That keeps floors and table tops at grazing angles, table legs and door frames.
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
-//! Cost: about seven voxels a return for the band; the walk jumps over blocks that are firmly free already.
+//! Cost: about six voxels for each return that pulls; the walk jumps over blocks that are firmly free already.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -88,8 +88,8 @@ impl Volume {
 
     /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
     ///
-    /// The first return in a voxel does both; the others add nothing to a surface that is firmly known, and pull elsewhere.
-    /// With `clear_every` n a voxel's ray has its turn every n-th scan, on a checkerboard.
+    /// The first return in a voxel pulls, and clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. The
+    /// others pull too unless they fall on a surface that is firmly known, to which they add little.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
         let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
@@ -128,7 +128,8 @@ impl Volume {
             let local = local_of(end);
             let is_first = !contains(&block.hit, local);
             insert(&mut block.hit, local);
-            if is_first || !contains(&block.near_surface, local) || block.weight[local] < firm {
+            let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
+            if is_first || !is_firm {
                 rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
             }
         }
@@ -138,7 +139,8 @@ impl Volume {
     /// Step 1 for one return.
     fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
         let scale = 1.0 / self.config.voxel_m;
-        let (front, behind) = (self.config.truncation_m * scale, self.config.behind_m * scale);
+        // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
+        let (front, behind) = ((self.config.truncation_m * scale).min(3.0), self.config.behind_m * scale);
         let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
         let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
         let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
@@ -185,6 +187,7 @@ impl Volume {
                         insert(&mut block.seen_through, local);
                     } else if !contains(&block.seen_through, local)
                         && !contains(&block.in_band, local)
+                        && !contains(&block.hit, local)
                         && self.may_clear(id, &walk, ray, &scan.origin)
                     {
                         insert(&mut self.blocks[id as usize].seen_through, local);

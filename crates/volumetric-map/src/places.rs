@@ -301,6 +301,13 @@ struct Flood<'a> {
     contacts: FxHashMap<(u32, u32), u16>,
 }
 
+/// A cell and its coordinates.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
+    cell: u32,
+    at: [u16; 3],
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Seed {
     cell: usize,
@@ -327,31 +334,44 @@ impl<'a> Flood<'a> {
         }
         let spacing_squared = squared_cells(config.spacing_m, field);
         let min_place = squared_clearance(config.min_place_clearance_m, field);
-        for cell in order {
-            flood.visit(cell as usize, spacing_squared, min_place);
+        for spot in order {
+            flood.visit(spot, spacing_squared, min_place);
         }
         flood
     }
 
     /// Free cells with enough clearance, by counting sort: clearance descending, then cell number.
-    fn cells_from_wide_to_narrow(&self) -> Vec<u32> {
+    fn cells_from_wide_to_narrow(&self) -> Vec<Spot> {
         let field = self.field;
         let floor = squared_clearance(self.config.min_clearance_m, field);
         let (first, end) = self.band_cells();
-        let is_member = |cell: &usize| field.state[*cell] == Cell::Free && field.squared[*cell] >= floor;
-        let widest = field.squared[first..end].iter().filter(|d| **d != BEYOND).max().copied().unwrap_or(0);
-        let rank = |cell: usize| usize::from(widest + 1 - field.squared[cell].min(widest + 1));
-        let mut start = vec![0usize; usize::from(widest) + 3];
-        for cell in (first..end).filter(is_member) {
-            start[rank(cell) + 1] += 1;
+        let [nx, ny, _] = field.size;
+        let mut spots = Vec::new();
+        let mut count = vec![0usize; 1];
+        for row in (first..end).step_by(nx.max(1)) {
+            let (y, z) = (row / nx % ny, row / (nx * ny));
+            for x in 0..nx {
+                let cell = row + x;
+                let squared = field.squared[cell];
+                if squared >= floor && field.state[cell] == Cell::Free {
+                    // Beyond the largest distance is one class: the widest.
+                    let class = if squared == BEYOND { 0 } else { usize::from(field.reach_squared() - squared) + 1 };
+                    if class >= count.len() {
+                        count.resize(class + 1, 0);
+                    }
+                    count[class] += 1;
+                    spots.push((class as u32, Spot { cell: cell as u32, at: [x, y, z].map(|v| v as u16) }));
+                }
+            }
         }
-        for i in 1..start.len() {
-            start[i] += start[i - 1];
+        let mut start = 0;
+        for slot in &mut count {
+            start += std::mem::replace(slot, start);
         }
-        let mut order = vec![0u32; start[start.len() - 1]];
-        for cell in (first..end).filter(is_member) {
-            let slot = &mut start[rank(cell)];
-            order[*slot] = cell as u32;
+        let mut order = vec![Spot { cell: 0, at: [0; 3] }; spots.len()];
+        for (class, spot) in spots {
+            let slot = &mut count[class as usize];
+            order[*slot] = spot;
             *slot += 1;
         }
         order
@@ -425,7 +445,8 @@ impl<'a> Flood<'a> {
         label
     }
 
-    fn visit(&mut self, cell: usize, spacing_squared: i32, min_place: u16) {
+    fn visit(&mut self, spot: Spot, spacing_squared: i32, min_place: u16) {
+        let cell = spot.cell as usize;
         let field = self.field;
         let [nx, ny, _] = field.size;
         // Cells on the border of the grid are never free, so all six neighbours exist.
@@ -448,7 +469,7 @@ impl<'a> Flood<'a> {
         }
         let mut own = self.label[cell];
         if own == NO_REGION {
-            let here = field.coordinates(cell).map(|v| v as i32);
+            let here = spot.at.map(i32::from);
             let nearest = touching[..touched].iter().copied().min_by_key(|r| (self.gap(*r, here), *r));
             own = match nearest {
                 None => self.open(cell, None),

@@ -157,8 +157,12 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
     let lap = [[1.5, 1.2], [3.5, 2.0], [6.5, 2.0], [8.0, 2.6], [6.5, 2.0], [3.5, 2.0]];
     let way: Vec<[f64; 2]> = lap.iter().cycle().take(4 * lap.len() + 1).copied().collect();
     let (mut doors, mut checks) = (0, 0);
-    let mut worst_stick_out = 0;
-    for (step, (sensor, travelled)) in drive(&way, LIDAR_HEIGHT, 0.12).into_iter().enumerate() {
+    let (mut ghosts, mut cells) = (0, 0);
+    let mut poses = drive(&way, LIDAR_HEIGHT, 0.12);
+    // Then stand for a second and a half.
+    let driven = poses.len();
+    poses.extend(vec![*poses.last().unwrap(); 15]);
+    for (step, (sensor, travelled)) in poses.into_iter().enumerate() {
         let drift = Isometry3::from_parts(
             Translation3::new(0.004 * travelled, 0.003 * travelled, 0.0),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (0.05 * travelled).to_radians()),
@@ -166,7 +170,8 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
         let estimate = drift * sensor;
         let points = in_world(&lidar.scan(&world, &sensor), &estimate);
         volume.integrate(&estimate.translation.vector.into(), &points).unwrap();
-        if step % 20 != 19 {
+        let is_end = step + 1 == driven + 15;
+        if step % 20 != 19 && !is_end {
             continue;
         }
         // Around the robot, the map must be right in the robot's own (drifted) frame: 2.5 m is what it needs to stop and turn.
@@ -188,12 +193,14 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
                 let origin = sensor.translation.vector;
                 let is_visible =
                     world.cast(&origin, &(in_true / length)).is_none_or(|(range, _)| range > length + 0.05);
+                cells += usize::from(is_visible);
                 if is_visible && world.flat_distance(true_c.x, true_c.y, 0.1, 1.2) > 0.08 {
                     stick_out += 1;
                 }
             }
         }
-        worst_stick_out = worst_stick_out.max(stick_out);
+        ghosts += stick_out;
+        assert!(!is_end || stick_out <= 2, "ghost cells in view after standing still: {stick_out}");
         if (sensor.translation.x - 5.0).abs() < 2.0 {
             checks += 1;
             let is_open = [-0.3, -0.15, 0.0, 0.15, 0.3].iter().all(|dy| {
@@ -205,7 +212,8 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
     }
     assert!(checks >= 8);
     assert_eq!(doors, checks, "the door was open whenever the robot was near it");
-    assert!(worst_stick_out <= 3, "ghost cells in view: {worst_stick_out}");
+    // What was seen long ago from another drift and comes into view again is wrong for the moment it takes to look at it.
+    assert!(ghosts * 50 <= cells, "{ghosts} ghost cells of {cells} in view");
 }
 
 #[test]

@@ -29,7 +29,7 @@ impl Dice {
 
     /// Roughly normal, unit variance.
     pub fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
+        ((0..4).map(|_| self.unit()).sum::<f64>() - 2.0) * 3.0_f64.sqrt()
     }
 }
 
