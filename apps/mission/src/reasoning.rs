@@ -8,9 +8,8 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use octant_prompt::{
-    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation,
-    SymbolicReasoner,
-    Estimate, TokenCounter, build_prompt_for, decide_with_critic,
+    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Estimate, Instruction, Prompt, Reasoner,
+    Situation, SymbolicReasoner, TokenCounter, build_prompt_for, decide_with_critic,
 };
 
 use octant_prompt::vocabulary::{Class, class_similarity};
@@ -90,10 +89,8 @@ impl Snapshot {
     /// Prompt, reasoner, critic: one decision on this snapshot.
     fn decide(&self, reasoner: &mut dyn Reasoner, critic: &Critic, config: &MissionConfig) -> Answer {
         self.with_situation(|situation| {
-            let prompt_config = octant_prompt::PromptConfig {
-                camera_height_m: self.camera_height_m,
-                ..config.prompt.clone()
-            };
+            let prompt_config =
+                octant_prompt::PromptConfig { camera_height_m: self.camera_height_m, ..config.prompt.clone() };
             let prompt = build_prompt_for(situation, &prompt_config, &Estimate);
             let record = decide_with_critic(
                 reasoner,
@@ -399,7 +396,11 @@ impl Mission {
                     &|eye, thing| self.world.is_clear(eye, thing),
                 );
                 if let Some(stand) = stand {
-                    return Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) });
+                    return Some(Goal::Reach {
+                        target: stand.at,
+                        tolerance_m: 0.2,
+                        heading_rad: Some(stand.heading_rad),
+                    });
                 }
                 // Not enough of the floor is known there yet: as near as can be, and look again.
                 const LOOK_FROM_M: f64 = 4.0;
@@ -468,9 +469,8 @@ impl Mission {
             .filter(|object| {
                 let distance_m = floor_distance_m(&object.bounds, &here);
                 let has_arrived = self.memory.inspected.contains(&object.id);
-                let is_visible = || {
-                    self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds))
-                };
+                let is_visible =
+                    || self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds));
                 // Behind clutter in the same room is as good as visible, behind a wall is not.
                 let is_in_my_room = || object.room.is_some() && object.room == my_room;
                 let limit_m = if has_arrived { BEST_EFFORT_M } else { self.config.stop_distance_m };

@@ -171,8 +171,7 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
     let is_clear = |candidate: &ObjectCandidate| {
         let found = &candidate.found;
         let weakest = found.class.min(found.weakest_relation).min(found.room);
-        !searching
-            || (weakest >= config.accept_while_searching && !is_doubtful(situation, found.id, &goal.class))
+        !searching || (weakest >= config.accept_while_searching && !is_doubtful(situation, found.id, &goal.class))
     };
     let pool: Vec<&ObjectCandidate> = known
         .objects

@@ -23,8 +23,7 @@ fn main() {
 #[divan::bench]
 fn lidar_scan_50k_triangles(bencher: divan::Bencher) {
     let world = support::flat_world(40, 96);
-    let motion =
-        |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 0.6));
+    let motion = |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 0.6));
     let mount = RotatingMount::rotating(Isometry3::identity());
     bencher.bench(|| scan(&world, &motion, &mount, &LidarConfig::default(), 0).unwrap());
 }
@@ -37,20 +36,9 @@ fn build_world_50k_triangles(bencher: divan::Bencher) {
 #[divan::bench]
 fn panorama_with_masks_50k_triangles(bencher: divan::Bencher) {
     let world = support::flat_world(40, 96);
-    let motion =
-        |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 1.0));
+    let motion = |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::translation(2.5, 2.0, 1.0));
     let (camera, segmenter) = (PanoramaConfig::default(), SegmenterConfig::default());
-    bencher.bench(|| {
-        capture(
-            &world,
-            &motion,
-            &Isometry3::identity(),
-            &camera,
-            &segmenter,
-            0,
-        )
-        .unwrap()
-    });
+    bencher.bench(|| capture(&world, &motion, &Isometry3::identity(), &camera, &segmenter, 0).unwrap());
 }
 
 /// Claim: <= 0.05 ms a query for a robot of nine boxes in the open.
@@ -59,14 +47,8 @@ fn contact_query_in_the_open(bencher: divan::Bencher) {
     let world = support::flat_world(40, 96);
     let shapes: Vec<CollisionShape> = (0..9)
         .map(|i| CollisionShape {
-            body_from_shape: Isometry3::translation(
-                f64::from(i % 3) * 0.1,
-                f64::from(i / 3) * 0.1,
-                0.0,
-            ),
-            geometry: ShapeGeometry::Box {
-                half_m: Vector3::repeat(0.05),
-            },
+            body_from_shape: Isometry3::translation(f64::from(i % 3) * 0.1, f64::from(i / 3) * 0.1, 0.0),
+            geometry: ShapeGeometry::Box { half_m: Vector3::repeat(0.05) },
         })
         .collect();
     let mut contacts = ContactWorld::new(&world, &shapes, &[]).unwrap();
@@ -92,10 +74,7 @@ fn quadrotor_second(bencher: divan::Bencher) {
 /// The directions of an upright scan.
 fn directions() -> Vec<Vector3<f32>> {
     let ray = |i: u32| {
-        let (azimuth, elevation) = (
-            (i / 32) as f32 / 1024.0 * std::f32::consts::TAU,
-            (i % 32) as f32 / 31.0 - 0.5,
-        );
+        let (azimuth, elevation) = ((i / 32) as f32 / 1024.0 * std::f32::consts::TAU, (i % 32) as f32 / 31.0 - 0.5);
         let (sin, cos) = (elevation * std::f32::consts::FRAC_PI_4).sin_cos();
         Vector3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin)
     };
@@ -111,10 +90,7 @@ fn rays_32768_ours(bencher: divan::Bencher) {
     let directions = directions();
     let mut stack = RayStack::default();
     bencher.bench_local(|| {
-        let cast = |d| {
-            bvh.cast(&EYE, d, 30.0, &mut stack)
-                .map_or(0.0, |h| h.distance)
-        };
+        let cast = |d| bvh.cast(&EYE, d, 30.0, &mut stack).map_or(0.0, |h| h.distance);
         directions.iter().map(cast).sum::<f32>()
     });
 }

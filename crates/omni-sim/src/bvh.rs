@@ -52,10 +52,7 @@ impl Bvh {
             return None;
         }
         let ray = Ray::new(origin, direction);
-        let mut best = TriangleHit {
-            distance: max_distance,
-            triangle: NO_TRIANGLE,
-        };
+        let mut best = TriangleHit { distance: max_distance, triangle: NO_TRIANGLE };
         let stack = &mut stack.0;
         stack.clear();
         let mut current = 0;
@@ -130,11 +127,7 @@ impl Ray {
         // A zero component would give 0 * infinity = NaN for an origin on a slab; a tiny one gives 0.
         let inverse = [0, 1, 2].map(|k| {
             let d = direction[k];
-            1.0 / if d.abs() < 1e-20 {
-                1e-20_f32.copysign(d)
-            } else {
-                d
-            }
+            1.0 / if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d }
         });
         Ray {
             origin: [0, 1, 2].map(|k| Vec4::splat(origin[k])),
@@ -187,11 +180,7 @@ impl Leaf {
         // Moeller-Trumbore: solve origin + t d = corner + u e1 + v e2 by Cramer's rule.
         let p = cross(&ray.direction, &self.edge2);
         let inverse = Vec4::ONE / dot(&self.edge1, &p);
-        let s = [
-            ray.origin[0] - self.corner[0],
-            ray.origin[1] - self.corner[1],
-            ray.origin[2] - self.corner[2],
-        ];
+        let s = [ray.origin[0] - self.corner[0], ray.origin[1] - self.corner[1], ray.origin[2] - self.corner[2]];
         let u = dot(&s, &p) * inverse;
         let q = cross(&s, &self.edge1);
         let v = dot(&ray.direction, &q) * inverse;
@@ -212,10 +201,7 @@ impl Leaf {
             // Ties go to the lower index; the bound itself (no triangle yet) is exclusive.
             let is_tie = t == best.distance && best.triangle != NO_TRIANGLE;
             if t < best.distance || (is_tie && triangle < best.triangle) {
-                *best = TriangleHit {
-                    distance: t,
-                    triangle,
-                };
+                *best = TriangleHit { distance: t, triangle };
             }
         }
     }
@@ -223,11 +209,7 @@ impl Leaf {
 
 #[inline(always)]
 fn cross(a: &[Vec4; 3], b: &[Vec4; 3]) -> [Vec4; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
@@ -267,11 +249,7 @@ mod build {
         /// Half of the surface; 0 for an empty box.
         fn area(&self) -> f32 {
             let d = self.high - self.low;
-            if d.x < 0.0 {
-                0.0
-            } else {
-                d.x * d.y + d.y * d.z + d.z * d.x
-            }
+            if d.x < 0.0 { 0.0 } else { d.x * d.y + d.y * d.z + d.z * d.x }
         }
     }
 
@@ -282,16 +260,8 @@ mod build {
     }
 
     enum Binary {
-        Inner {
-            bounds: Bounds,
-            left: usize,
-            right: usize,
-        },
-        Leaf {
-            bounds: Bounds,
-            from: usize,
-            to: usize,
-        },
+        Inner { bounds: Bounds, left: usize, right: usize },
+        Leaf { bounds: Bounds, from: usize, to: usize },
     }
 
     impl Binary {
@@ -309,11 +279,7 @@ mod build {
             if corners.iter().all(|c| c.iter().all(|x| x.is_finite())) {
                 let mut bounds = Bounds::EMPTY;
                 corners.iter().for_each(|c| bounds.grow(c));
-                items.push(Item {
-                    bounds,
-                    center: (bounds.low + bounds.high) * 0.5,
-                    triangle: triangle as u32,
-                });
+                items.push(Item { bounds, center: (bounds.low + bounds.high) * 0.5, triangle: triangle as u32 });
             }
         }
         let mut bvh = Bvh::default();
@@ -347,11 +313,7 @@ mod build {
         };
         let left = split(items, from, middle, binary);
         let right = split(items, middle, to, binary);
-        binary.push(Binary::Inner {
-            bounds,
-            left,
-            right,
-        });
+        binary.push(Binary::Inner { bounds, left, right });
         binary.len() - 1
     }
 
@@ -463,10 +425,7 @@ mod build {
     /// Four boxes turned inside out: no ray enters them.
     fn empty_node() -> Node {
         let side = [Vec4::splat(f32::INFINITY), Vec4::splat(f32::NEG_INFINITY)];
-        Node {
-            bounds: [side; 3],
-            child: [0; WIDTH],
-        }
+        Node { bounds: [side; 3], child: [0; WIDTH] }
     }
 
     fn leaf_of(items: &[Item], vertices: &[Point3<f32>], faces: &[[u32; 3]]) -> Leaf {
@@ -508,10 +467,8 @@ mod tests {
         let (v, f) = square();
         let bvh = Bvh::build(&v, &f);
         let mut stack = RayStack::default();
-        let mut hit = |d: [f32; 3], max| {
-            bvh.cast(&Point3::origin(), &Vector3::from(d), max, &mut stack)
-                .map(|h| h.distance)
-        };
+        let mut hit =
+            |d: [f32; 3], max| bvh.cast(&Point3::origin(), &Vector3::from(d), max, &mut stack).map(|h| h.distance);
         assert_eq!(hit([1.0, 0.0, 0.0], 10.0), Some(2.0)); // on the diagonal both triangles share
         assert_eq!(hit([2.0, 0.5, -0.5], 10.0), Some(1.0)); // direction of length > 1
         assert_eq!(hit([-1.0, 0.0, 0.0], 10.0), None);
@@ -523,10 +480,7 @@ mod tests {
     fn nothing_is_hit_in_an_empty_or_flat_set() {
         let mut stack = RayStack::default();
         let x = Vector3::x();
-        assert_eq!(
-            Bvh::build(&[], &[]).cast(&Point3::origin(), &x, 9.0, &mut stack),
-            None
-        );
+        assert_eq!(Bvh::build(&[], &[]).cast(&Point3::origin(), &x, 9.0, &mut stack), None);
         let (v, _) = square();
         let no_area = Bvh::build(&v, &[[0, 0, 1], [1, 1, 1]]);
         assert_eq!(no_area.cast(&Point3::origin(), &x, 9.0, &mut stack), None);

@@ -68,32 +68,16 @@ fn render_with_blocks(
     let scene = Scene {
         snapshot,
         origin: Point3::from(world_from_camera.translation.vector).cast(),
-        world_from_camera: world_from_camera
-            .rotation
-            .to_rotation_matrix()
-            .matrix()
-            .cast(),
-        columns: (0..width + block + 1)
-            .map(|x| unit(view.theta_rad(x as f64 + 0.5)))
-            .collect(),
-        rows: (0..height + block + 1)
-            .map(|y| unit(view.phi_rad(y as f64 + 0.5)))
-            .collect(),
+        world_from_camera: world_from_camera.rotation.to_rotation_matrix().matrix().cast(),
+        columns: (0..width + block + 1).map(|x| unit(view.theta_rad(x as f64 + 0.5))).collect(),
+        rows: (0..height + block + 1).map(|y| unit(view.phi_rad(y as f64 + 0.5))).collect(),
         max_range: max_range_m as f32,
-        boxes: if block == 1 {
-            Vec::new()
-        } else {
-            boxes_in_view(snapshot, world_from_camera, view)
-        },
+        boxes: if block == 1 { Vec::new() } else { boxes_in_view(snapshot, world_from_camera, view) },
         height,
         block,
     };
-    let mut rendering = Rendering {
-        view: *view,
-        rgb: vec![0; 3 * width * height],
-        instances: vec![0; width * height],
-        rays: 0,
-    };
+    let mut rendering =
+        Rendering { view: *view, rgb: vec![0; 3 * width * height], instances: vec![0; width * height], rays: 0 };
     // A strip's columns are one piece of the column-major instances; its colours are copied row by row.
     let tiles: Vec<(usize, Vec<u8>)> = rendering
         .instances
@@ -149,16 +133,8 @@ impl Scene<'_> {
         let ((cos_theta, sin_theta), (cos_phi, sin_phi)) = (self.columns[x], self.rows[y]);
         let in_camera = Vector3::new(cos_phi * cos_theta, cos_phi * sin_theta, sin_phi);
         let direction = self.world_from_camera * in_camera;
-        match self
-            .snapshot
-            .cast(&self.origin, &direction, self.max_range, stack)
-        {
-            None => Sample {
-                facet: u32::MAX,
-                instance: 0,
-                range: self.max_range,
-                color: [0.0; 3],
-            },
+        match self.snapshot.cast(&self.origin, &direction, self.max_range, stack) {
+            None => Sample { facet: u32::MAX, instance: 0, range: self.max_range, color: [0.0; 3] },
             Some((range, index)) => {
                 let surface = self.snapshot.world().surface(index);
                 let light = brightness(&self.snapshot.normal(index), &direction, range);
@@ -209,19 +185,12 @@ struct Samples {
 const NO_SAMPLE: u32 = u32::MAX;
 
 impl<'a> Strip<'a> {
-    fn new(
-        scene: &'a Scene<'a>,
-        x0: usize,
-        samples: &'a mut Samples,
-        instances: &'a mut [InstanceId],
-    ) -> Self {
+    fn new(scene: &'a Scene<'a>, x0: usize, samples: &'a mut Samples, instances: &'a mut [InstanceId]) -> Self {
         let width = instances.len() / scene.height;
         let stride = width + scene.block + 1;
         samples.found.clear();
         samples.at.clear();
-        samples
-            .at
-            .resize(stride * (scene.height + scene.block + 1), NO_SAMPLE);
+        samples.at.resize(stride * (scene.height + scene.block + 1), NO_SAMPLE);
         Strip {
             scene,
             x0,
@@ -230,11 +199,7 @@ impl<'a> Strip<'a> {
             instances,
             samples,
             stride,
-            boxes: scene
-                .boxes
-                .iter()
-                .filter(|b| b.overlaps_columns(x0, x0 + width + scene.block))
-                .collect(),
+            boxes: scene.boxes.iter().filter(|b| b.overlaps_columns(x0, x0 + width + scene.block)).collect(),
         }
     }
 
@@ -257,12 +222,8 @@ impl<'a> Strip<'a> {
             self.put(x, y, &sample);
             return;
         }
-        let corners = [
-            self.sample(x, y),
-            self.sample(x + size, y),
-            self.sample(x, y + size),
-            self.sample(x + size, y + size),
-        ];
+        let corners =
+            [self.sample(x, y), self.sample(x + size, y), self.sample(x, y + size), self.sample(x + size, y + size)];
         if size <= self.uniform_size(&corners, x, y, size) {
             self.interpolate(x, y, size, &corners);
             return;
@@ -332,11 +293,7 @@ impl<'a> Strip<'a> {
         for j in 0..rows {
             let at = 3 * ((y + j) * self.width + x);
             let mut color = left;
-            let slope = [
-                (right[0] - left[0]) >> shift,
-                (right[1] - left[1]) >> shift,
-                (right[2] - left[2]) >> shift,
-            ];
+            let slope = [(right[0] - left[0]) >> shift, (right[1] - left[1]) >> shift, (right[2] - left[2]) >> shift];
             for pixel in self.rgb[at..at + 3 * columns].chunks_exact_mut(3) {
                 for k in 0..3 {
                     pixel[k] = (color[k] >> 16) as u8;
@@ -377,19 +334,11 @@ struct BoxInView {
 impl BoxInView {
     fn overlaps_columns(&self, left: usize, right: usize) -> bool {
         let (first, last) = self.columns;
-        if first <= last {
-            first <= right && last >= left
-        } else {
-            last >= left || first <= right
-        }
+        if first <= last { first <= right && last >= left } else { last >= left || first <= right }
     }
 }
 
-fn boxes_in_view(
-    snapshot: &Snapshot<'_>,
-    world_from_camera: &Isometry3<f64>,
-    view: &Equirect,
-) -> Vec<BoxInView> {
+fn boxes_in_view(snapshot: &Snapshot<'_>, world_from_camera: &Isometry3<f64>, view: &Equirect) -> Vec<BoxInView> {
     let camera_from_world: Isometry3<f32> = world_from_camera.inverse().cast();
     snapshot
         .world()
@@ -406,20 +355,12 @@ fn boxes_in_view(
 }
 
 /// `None` when the box is wholly above or below the picture.
-fn box_in_view(
-    extent: &Extent,
-    camera_from_mesh: &Isometry3<f32>,
-    view: &Equirect,
-) -> Option<BoxInView> {
+fn box_in_view(extent: &Extent, camera_from_mesh: &Isometry3<f32>, view: &Equirect) -> Option<BoxInView> {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
     for i in 0..8 {
         let pick = |k: usize| {
-            if i >> k & 1 == 0 {
-                extent.low[k]
-            } else {
-                extent.high[k]
-            }
+            if i >> k & 1 == 0 { extent.low[k] } else { extent.high[k] }
         };
         let corner = camera_from_mesh * Point3::new(pick(0), pick(1), pick(2));
         let corner: Vector3<f64> = corner.coords.cast();
@@ -433,9 +374,7 @@ fn box_in_view(
     let far = reach(0).hypot(reach(1));
     let nearest = near.hypot(gap(2));
     let phi = |z: f64, toward_pole: f64| z.atan2(if z * toward_pole > 0.0 { near } else { far });
-    let row = |phi: f64| {
-        f64::from(view.height) * (view.phi_top_rad - phi) / (view.phi_top_rad - view.phi_bottom_rad)
-    };
+    let row = |phi: f64| f64::from(view.height) * (view.phi_top_rad - phi) / (view.phi_top_rad - view.phi_bottom_rad);
     let (top, bottom) = (row(phi(high.z, 1.0)), row(phi(low.z, -1.0)));
     let last_row = f64::from(view.height);
     if bottom < 0.0 || top > last_row {
@@ -453,12 +392,7 @@ fn box_in_view(
 }
 
 /// Columns of a box and how many they are.
-fn columns_of(
-    low: &Vector3<f64>,
-    high: &Vector3<f64>,
-    near: f64,
-    view: &Equirect,
-) -> ((usize, usize), f64) {
+fn columns_of(low: &Vector3<f64>, high: &Vector3<f64>, near: f64, view: &Equirect) -> ((usize, usize), f64) {
     let width = f64::from(view.width);
     if near <= 0.0 {
         return ((0, view.width as usize), width);
@@ -466,12 +400,7 @@ fn columns_of(
     let middle = (low + high) / 2.0;
     let center = middle.y.atan2(middle.x);
     let (mut left, mut right) = (0.0_f64, 0.0_f64);
-    for (x, y) in [
-        (low.x, low.y),
-        (low.x, high.y),
-        (high.x, low.y),
-        (high.x, high.y),
-    ] {
+    for (x, y) in [(low.x, low.y), (low.x, high.y), (high.x, low.y), (high.x, high.y)] {
         // Relative to the middle no angle passes half a turn, because the camera is outside.
         let turn = (y * center.cos() - x * center.sin()).atan2(x * center.cos() + y * center.sin());
         left = left.max(turn);

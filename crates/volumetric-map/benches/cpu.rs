@@ -12,11 +12,7 @@ use volumetric_map::{DistanceField, PlaceConfig, PlaceGraph, Volume, VolumeConfi
 /// Milliseconds of CPU this thread has used.
 fn cpu_ms() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split_whitespace()
-        .next()
-        .and_then(|ns| ns.parse::<f64>().ok())
-        .unwrap_or(0.0)
-        * 1e-6
+    text.split_whitespace().next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
 }
 
 #[derive(Default)]
@@ -48,33 +44,16 @@ impl Stage {
 fn main() {
     let world = World::flat();
     let mut lidar = Lidar::new(32, 1024, 0.015, 7);
-    let way = [
-        [2.0, 2.5],
-        [6.5, 2.5],
-        [7.7, 4.0],
-        [7.7, 7.0],
-        [6.0, 7.5],
-        [3.0, 7.5],
-        [2.0, 6.0],
-        [2.0, 2.5],
-    ];
+    let way = [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut field = DistanceField::new(0.1, 2.0);
     let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
-    let [
-        mut integrate,
-        mut distance,
-        mut mesh,
-        mut places,
-        mut ground,
-    ] = std::array::from_fn(|_| Stage::default());
+    let [mut integrate, mut distance, mut mesh, mut places, mut ground] = std::array::from_fn(|_| Stage::default());
     let (mut points_total, mut remeshed, mut lines, mut changed) = (0, 0, 0, 0);
     for (k, (pose, _)) in drive(&way, 0.61, 0.07).into_iter().enumerate() {
         let points: Vec<Point3<f32>> = in_world(&lidar.scan(&world, &pose), &pose);
         points_total += points.len();
-        integrate
-            .time(|| volume.integrate(&pose.translation.vector.into(), &points))
-            .unwrap();
+        integrate.time(|| volume.integrate(&pose.translation.vector.into(), &points)).unwrap();
         if k % 5 == 4 {
             remeshed += mesh.time(|| volume.update_mesh()).updated.len();
             let report = distance.time(|| field.update(&volume));

@@ -24,24 +24,10 @@ impl Drive {
     fn record() -> Self {
         let world = World::flat();
         let mut lidar = Lidar::new(32, 1024, 0.015, 7);
-        let way = [
-            [2.0, 2.5],
-            [6.5, 2.5],
-            [7.7, 4.0],
-            [7.7, 7.0],
-            [6.0, 7.5],
-            [3.0, 7.5],
-            [2.0, 6.0],
-            [2.0, 2.5],
-        ];
+        let way = [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
         let scans = drive(&way, 0.61, 0.07)
             .into_iter()
-            .map(|(pose, _)| {
-                (
-                    pose.translation.vector.into(),
-                    in_world(&lidar.scan(&world, &pose), &pose),
-                )
-            })
+            .map(|(pose, _)| (pose.translation.vector.into(), in_world(&lidar.scan(&world, &pose), &pose)))
             .collect();
         Self { scans }
     }
@@ -64,9 +50,7 @@ fn recorded() -> &'static Drive {
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn integrate_whole_drive(bencher: Bencher) {
     let drive = recorded();
-    bencher
-        .counter(divan::counter::ItemsCount::new(drive.scans.len()))
-        .bench_local(|| drive.mapped(drive.scans.len()));
+    bencher.counter(divan::counter::ItemsCount::new(drive.scans.len())).bench_local(|| drive.mapped(drive.scans.len()));
 }
 
 /// One scan into a map that knows the place.
@@ -76,9 +60,7 @@ fn integrate_one_scan_known_place(bencher: Bencher) {
     let mut volume = drive.mapped(100);
     let mut k = 100;
     bencher.bench_local(|| {
-        volume
-            .integrate(&drive.scans[k].0, &drive.scans[k].1)
-            .unwrap();
+        volume.integrate(&drive.scans[k].0, &drive.scans[k].1).unwrap();
         k = 100 + (k - 99) % 150;
     });
 }

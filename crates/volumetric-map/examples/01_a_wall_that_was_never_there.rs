@@ -7,9 +7,7 @@
 use std::f32::consts::TAU;
 
 use nalgebra::{Point2, Point3, Vector3};
-use volumetric_map::{
-    Cell, DistanceField, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance,
-};
+use volumetric_map::{Cell, DistanceField, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut volume = Volume::new(VolumeConfig::default())?;
@@ -18,18 +16,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // 1. Two seconds at 10 Hz with a pose that is wrong by 40 cm in x: the whole room appears shifted.
     let shift = Vector3::new(0.4f32, 0.0, 0.0);
     for scan in 0..20 {
-        let points: Vec<_> = scan_of_the_room(sensor, scan)
-            .iter()
-            .map(|p| p + shift)
-            .collect();
+        let points: Vec<_> = scan_of_the_room(sensor, scan).iter().map(|p| p + shift).collect();
         volume.integrate(&(sensor + shift).cast::<f64>(), &points)?;
     }
     let wrong_wall = Point2::new(0.39, 1.5);
     let grid = volume.slice(0.3, 1.2, None);
-    println!(
-        "with the wrong pose the west wall (true: x = 0.00) is seen at x = 0.40: {:?}",
-        grid.at(&wrong_wall)
-    );
+    println!("with the wrong pose the west wall (true: x = 0.00) is seen at x = 0.40: {:?}", grid.at(&wrong_wall));
     assert_eq!(grid.at(&wrong_wall), Cell::Occupied);
 
     // 2. The pose is corrected. How many scans does the ghost live?
@@ -38,16 +30,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let points = scan_of_the_room(sensor, 20 + scans);
         let report = volume.integrate(&sensor.cast::<f64>(), &points)?;
         scans += 1;
-        println!(
-            "scan {scans} after the correction: {} voxels took a look-through",
-            report.cleared_voxels
-        );
+        println!("scan {scans} after the correction: {} voxels took a look-through", report.cleared_voxels);
         assert!(scans <= 10, "a ghost must be gone within a second");
     }
-    println!(
-        "the ghost was gone after {scans} scans ({:.1} s)",
-        0.1 * f64::from(scans)
-    );
+    println!("the ghost was gone after {scans} scans ({:.1} s)", 0.1 * f64::from(scans));
 
     // 3. The true wall is there, at the right place, one or two voxels thick.
     for scan in 0..10 {
@@ -58,9 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // 4. What a planner reads from it: clearance in the middle of the room is half its width.
     let flat = clearance(&grid, false);
-    let (ix, iy) = grid
-        .cell_of(&Point2::new(3.0, 2.0))
-        .expect("the room is on the grid");
+    let (ix, iy) = grid.cell_of(&Point2::new(3.0, 2.0)).expect("the room is on the grid");
     let middle = flat[iy * grid.width + ix];
     println!("clearance in the middle of the 4 m wide room: {middle:.2} m");
     assert!((middle - 2.0).abs() < 0.1);
@@ -68,10 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // 5. And the places: a handful of wide spots, each with its distance to the nearest thing in any direction.
     let mut field = DistanceField::new(0.10, 2.0);
     field.update(&volume);
-    let mut graph = PlaceGraph::new(PlaceConfig {
-        height_band_m: Some([0.3, 1.2]),
-        ..PlaceConfig::default()
-    })?;
+    let mut graph = PlaceGraph::new(PlaceConfig { height_band_m: Some([0.3, 1.2]), ..PlaceConfig::default() })?;
     graph.update(&field);
     for place in graph.places() {
         let p = place.position;
@@ -80,15 +61,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             place.id, p.x, p.y, p.z, place.clearance_m, place.basis_points
         );
     }
-    let widest = graph
-        .places()
-        .iter()
-        .map(|p| p.clearance_m)
-        .fold(0.0, f64::max);
-    assert!(
-        (1.0..=1.35).contains(&widest),
-        "below a 2.5 m ceiling nothing in the band is farther than 1.25 m"
-    );
+    let widest = graph.places().iter().map(|p| p.clearance_m).fold(0.0, f64::max);
+    assert!((1.0..=1.35).contains(&widest), "below a 2.5 m ceiling nothing in the band is farther than 1.25 m");
     Ok(())
 }
 
@@ -100,14 +74,8 @@ fn scan_of_the_room(sensor: Point3<f32>, scan: u32) -> Vec<Point3<f32>> {
         let elevation = (f32::from(ring) + 0.37 * (scan % 8) as f32) / 48.0 * 2.4 - 1.2;
         for column in 0..720u16 {
             let azimuth = (f32::from(column) + 0.21 * scan as f32) / 720.0 * TAU;
-            let d = Vector3::new(
-                elevation.cos() * azimuth.cos(),
-                elevation.cos() * azimuth.sin(),
-                elevation.sin(),
-            );
-            let ahead = |axis: usize| {
-                (if d[axis] > 0.0 { high[axis] } else { low[axis] } - sensor[axis]) / d[axis]
-            };
+            let d = Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
+            let ahead = |axis: usize| (if d[axis] > 0.0 { high[axis] } else { low[axis] } - sensor[axis]) / d[axis];
             let range = ahead(0).min(ahead(1)).min(ahead(2));
             points.push(sensor + d * range);
         }

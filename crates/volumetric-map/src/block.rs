@@ -27,11 +27,7 @@ pub struct BlockKey {
 impl BlockKey {
     /// The block that holds a voxel.
     pub fn of_voxel(voxel: [i32; 3]) -> Self {
-        Self {
-            x: voxel[0] >> 3,
-            y: voxel[1] >> 3,
-            z: voxel[2] >> 3,
-        }
+        Self { x: voxel[0] >> 3, y: voxel[1] >> 3, z: voxel[2] >> 3 }
     }
 
     /// The block's first voxel.
@@ -41,11 +37,7 @@ impl BlockKey {
 
     /// The neighbouring block.
     pub fn offset(self, dx: i32, dy: i32, dz: i32) -> Self {
-        Self {
-            x: self.x + dx,
-            y: self.y + dy,
-            z: self.z + dz,
-        }
+        Self { x: self.x + dx, y: self.y + dy, z: self.z + dz }
     }
 
     /// 21 bits a coordinate: unique as long as the key is within +-2^20 blocks (+-400 km at 5 cm).
@@ -150,20 +142,11 @@ impl Block {
     }
 
     /// Recomputes the bit sets of the given layers from distances and weights; notes the revision if the map's answer changed.
-    pub fn refresh(
-        &mut self,
-        layers: impl Fn(usize) -> bool,
-        thresholds: &Thresholds,
-        revision: u32,
-    ) {
+    pub fn refresh(&mut self, layers: impl Fn(usize) -> bool, thresholds: &Thresholds, revision: u32) {
         let mut changed = false;
         for z in (0..8).filter(|z| layers(*z)) {
-            let weights: &[u8; 64] = self.weight[z * 64..][..64]
-                .try_into()
-                .expect("a layer has 64 voxels");
-            let distances: &[i16; 64] = self.distance[z * 64..][..64]
-                .try_into()
-                .expect("a layer has 64 voxels");
+            let weights: &[u8; 64] = self.weight[z * 64..][..64].try_into().expect("a layer has 64 voxels");
+            let distances: &[i16; 64] = self.distance[z * 64..][..64].try_into().expect("a layer has 64 voxels");
             let known = bits(|i| weights[i] >= thresholds.min_weight);
             let observed = bits(|i| weights[i] > 0);
             let inside = bits(|i| distances[i] < thresholds.occupied_below);
@@ -205,8 +188,7 @@ impl Block {
         let old = f32::from(self.distance[local]);
         let weight = self.weight[local];
         let clear = thresholds.clear_weight;
-        let share =
-            f32::from(clear) * thresholds.reciprocal[usize::from(weight) + usize::from(clear)];
+        let share = f32::from(clear) * thresholds.reciprocal[usize::from(weight) + usize::from(clear)];
         let new = old + (f32::from(DISTANCE_ONE) - old) * share;
         // Truncation towards zero would stop short of the limit; round up, free space is free.
         self.distance[local] = new.ceil() as i16;
@@ -264,16 +246,13 @@ impl Thresholds {
             min_weight: config.min_weight,
             max_weight: config.max_weight,
             clear_weight: config.clear_weight,
-            settled_weight: (2 * config.clear_weight)
-                .min(config.max_weight)
-                .max(config.min_weight),
+            settled_weight: (2 * config.clear_weight).min(config.max_weight).max(config.min_weight),
             settled_above: (0.98 * f64::from(DISTANCE_ONE)) as i16,
             occupied_below: (0.25 * config.voxel_m * units_per_m) as i16,
             occupied_until: (0.45 * config.voxel_m * units_per_m) as i16,
             near_below: (0.8 * f64::from(DISTANCE_ONE)) as i16,
             contradiction_above: 0.35 * f32::from(DISTANCE_ONE),
-            contradiction_below: (config.voxel_m.min(0.4 * config.truncation_m) * units_per_m)
-                as f32,
+            contradiction_below: (config.voxel_m.min(0.4 * config.truncation_m) * units_per_m) as f32,
             units_per_m: units_per_m as f32,
             reciprocal,
         }
@@ -286,15 +265,9 @@ mod tests {
 
     #[test]
     fn keys_of_neighbouring_voxels_across_zero() {
-        assert_eq!(
-            BlockKey::of_voxel([-1, 0, 7]),
-            BlockKey { x: -1, y: 0, z: 0 }
-        );
+        assert_eq!(BlockKey::of_voxel([-1, 0, 7]), BlockKey { x: -1, y: 0, z: 0 });
         assert_eq!(local_of([-1, 0, 7]), 7 + 64 * 7);
-        assert_ne!(
-            BlockKey { x: -1, y: 0, z: 0 }.packed(),
-            BlockKey { x: 1, y: 0, z: 0 }.packed()
-        );
+        assert_ne!(BlockKey { x: -1, y: 0, z: 0 }.packed(), BlockKey { x: 1, y: 0, z: 0 }.packed());
         assert_eq!(BlockKey { x: -1, y: 2, z: 3 }.first_voxel(), [-8, 16, 24]);
     }
 

@@ -71,19 +71,13 @@ impl VolumeConfig {
         {
             return Err(ConfigError::MaxRange(self.max_range_m));
         }
-        if !self.min_range_m.is_finite()
-            || self.min_range_m < 0.0
-            || self.min_range_m >= self.max_range_m
-        {
+        if !self.min_range_m.is_finite() || self.min_range_m < 0.0 || self.min_range_m >= self.max_range_m {
             return Err(ConfigError::MinRange(self.min_range_m));
         }
         if self.min_weight == 0 || self.clear_weight == 0 {
             return Err(ConfigError::ZeroWeight);
         }
-        if self.max_weight < self.min_weight
-            || self.max_weight < self.clear_weight
-            || self.max_weight > 127
-        {
+        if self.max_weight < self.min_weight || self.max_weight < self.clear_weight || self.max_weight > 127 {
             return Err(ConfigError::MaxWeight(self.max_weight));
         }
         if self.clear_every == 0 {
@@ -141,23 +135,11 @@ mod tests {
             config.validate()
         };
         assert_eq!(with(|c| c.voxel_m = 0.0), Err(ConfigError::VoxelSize(0.0)));
-        assert!(matches!(
-            with(|c| c.voxel_m = f64::NAN),
-            Err(ConfigError::VoxelSize(_))
-        ));
-        assert_eq!(
-            with(|c| c.truncation_m = 0.01),
-            Err(ConfigError::Truncation(0.01))
-        );
+        assert!(matches!(with(|c| c.voxel_m = f64::NAN), Err(ConfigError::VoxelSize(_))));
+        assert_eq!(with(|c| c.truncation_m = 0.01), Err(ConfigError::Truncation(0.01)));
         assert_eq!(with(|c| c.behind_m = 0.5), Err(ConfigError::Behind(0.5)));
-        assert!(matches!(
-            with(|c| c.max_range_m = f64::INFINITY),
-            Err(ConfigError::MaxRange(_))
-        ));
-        assert_eq!(
-            with(|c| c.min_range_m = 20.0),
-            Err(ConfigError::MinRange(20.0))
-        );
+        assert!(matches!(with(|c| c.max_range_m = f64::INFINITY), Err(ConfigError::MaxRange(_))));
+        assert_eq!(with(|c| c.min_range_m = 20.0), Err(ConfigError::MinRange(20.0)));
         assert_eq!(with(|c| c.min_weight = 0), Err(ConfigError::ZeroWeight));
         assert_eq!(with(|c| c.max_weight = 1), Err(ConfigError::MaxWeight(1)));
         assert_eq!(with(|c| c.clear_every = 0), Err(ConfigError::ClearEvery));

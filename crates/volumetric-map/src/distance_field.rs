@@ -61,11 +61,7 @@ impl DistanceField {
     /// finite become 0.1 m and 2 m.
     pub fn new(resolution_m: f64, max_distance_m: f64) -> Self {
         let or = |value: f64, fallback: f64| {
-            if value.is_finite() && value > 0.0 {
-                value
-            } else {
-                fallback
-            }
+            if value.is_finite() && value > 0.0 { value } else { fallback }
         };
         let resolution_m = or(resolution_m, 0.1);
         Self {
@@ -156,8 +152,7 @@ impl DistanceField {
     /// Centre of the obstacle cell nearest to the cell at a world point; `None` outside the grid or if there is none within
     /// the largest distance.
     pub fn nearest_obstacle(&self, point: &Point3<f64>) -> Option<Point3<f64>> {
-        self.obstacle_of(self.cell_at(point)?)
-            .map(|at| self.center(at))
+        self.obstacle_of(self.cell_at(point)?).map(|at| self.center(at))
     }
 
     /// Centres of the occupied cells in a box, ordered by z, then y, then x. A cell counts if its centre is in the box.
@@ -166,8 +161,7 @@ impl DistanceField {
         let mut to = [0usize; 3];
         for axis in 0..3 {
             let first = (min[axis] / self.resolution_m - 0.5).ceil() - f64::from(self.low[axis]);
-            let end =
-                (max[axis] / self.resolution_m - 0.5).floor() - f64::from(self.low[axis]) + 1.0;
+            let end = (max[axis] / self.resolution_m - 0.5).floor() - f64::from(self.low[axis]) + 1.0;
             if first.is_nan() || end.is_nan() {
                 return Vec::new();
             }
@@ -189,15 +183,10 @@ impl DistanceField {
 
     /// World bounds (min, max) of the grid, metres.
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
-        let at =
-            |axis: usize, add: usize| (f64::from(self.low[axis]) + add as f64) * self.resolution_m;
+        let at = |axis: usize, add: usize| (f64::from(self.low[axis]) + add as f64) * self.resolution_m;
         (
             Point3::new(at(0, 0), at(1, 0), at(2, 0)),
-            Point3::new(
-                at(0, self.size[0]),
-                at(1, self.size[1]),
-                at(2, self.size[2]),
-            ),
+            Point3::new(at(0, self.size[0]), at(1, self.size[1]), at(2, self.size[2])),
         )
     }
 
@@ -206,41 +195,19 @@ impl DistanceField {
     /// # Panics
     /// If a distance is not the exact one, or the obstacle found does not lie at that distance.
     pub fn check_invariants(&self) {
-        let obstacles: Vec<[usize; 3]> = (0..self.state.len())
-            .filter(|i| self.state[*i] == Cell::Occupied)
-            .map(|i| self.coordinates(i))
-            .collect();
-        let between = |a: [usize; 3], b: [usize; 3]| {
-            (0..3)
-                .map(|k| (a[k].abs_diff(b[k]) as u32).pow(2))
-                .sum::<u32>()
-        };
+        let obstacles: Vec<[usize; 3]> =
+            (0..self.state.len()).filter(|i| self.state[*i] == Cell::Occupied).map(|i| self.coordinates(i)).collect();
+        let between = |a: [usize; 3], b: [usize; 3]| (0..3).map(|k| (a[k].abs_diff(b[k]) as u32).pow(2)).sum::<u32>();
         for i in 0..self.state.len() {
             let at = self.coordinates(i);
-            let brute = obstacles
-                .iter()
-                .map(|o| between(at, *o))
-                .min()
-                .filter(|d| *d <= self.reach_squared);
+            let brute = obstacles.iter().map(|o| between(at, *o)).min().filter(|d| *d <= self.reach_squared);
             let found = (self.squared[i] != BEYOND).then_some(u32::from(self.squared[i]));
             assert_eq!(found, brute, "squared distance at {at:?}");
             let parent = self.obstacle_of(i);
-            assert_eq!(
-                parent.is_some(),
-                found.is_some(),
-                "an obstacle stands behind every distance"
-            );
+            assert_eq!(parent.is_some(), found.is_some(), "an obstacle stands behind every distance");
             if let Some(parent) = parent {
-                assert_eq!(
-                    Some(between(at, parent)),
-                    found,
-                    "the obstacle lies at the distance"
-                );
-                assert_eq!(
-                    self.state[self.number(parent)],
-                    Cell::Occupied,
-                    "the obstacle is occupied"
-                );
+                assert_eq!(Some(between(at, parent)), found, "the obstacle lies at the distance");
+                assert_eq!(self.state[self.number(parent)], Cell::Occupied, "the obstacle is occupied");
             }
         }
     }
@@ -296,11 +263,7 @@ impl DistanceField {
     #[inline]
     pub(crate) fn cell_distance(&self, cell: usize) -> f64 {
         let squared = self.squared[cell];
-        if squared == BEYOND {
-            self.max_distance_m
-        } else {
-            f64::from(self.roots[usize::from(squared)])
-        }
+        if squared == BEYOND { self.max_distance_m } else { f64::from(self.roots[usize::from(squared)]) }
     }
 
     /// Trilinear value and its gradient between the eight cell centres around a point inside the grid.
@@ -321,10 +284,7 @@ impl DistanceField {
         let first = self.number(base);
         let d = |corner: usize| {
             self.cell_distance(
-                first
-                    + (corner & 1) * stride[0]
-                    + (corner >> 1 & 1) * stride[1]
-                    + (corner >> 2) * stride[2],
+                first + (corner & 1) * stride[0] + (corner >> 1 & 1) * stride[1] + (corner >> 2) * stride[2],
             )
         };
         let c: [f64; 8] = std::array::from_fn(d);
@@ -332,16 +292,8 @@ impl DistanceField {
         let [tx, ty, tz] = part;
         let face = |o: usize| mix(mix(c[o], c[o + 1], tx), mix(c[o + 2], c[o + 3], tx), ty);
         let value = mix(face(0), face(4), tz);
-        let dx = mix(
-            mix(c[1] - c[0], c[3] - c[2], ty),
-            mix(c[5] - c[4], c[7] - c[6], ty),
-            tz,
-        );
-        let dy = mix(
-            mix(c[2] - c[0], c[3] - c[1], tx),
-            mix(c[6] - c[4], c[7] - c[5], tx),
-            tz,
-        );
+        let dx = mix(mix(c[1] - c[0], c[3] - c[2], ty), mix(c[5] - c[4], c[7] - c[6], ty), tz);
+        let dy = mix(mix(c[2] - c[0], c[3] - c[1], tx), mix(c[6] - c[4], c[7] - c[5], tx), tz);
         let dz = face(4) - face(0);
         (value, Vector3::new(dx, dy, dz) / self.resolution_m)
     }

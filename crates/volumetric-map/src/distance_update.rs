@@ -11,9 +11,7 @@ impl DistanceField {
         let voxel = volume.config().voxel_m;
         let wanted = self.requested_resolution_m / voxel;
         let distance_to_wanted = |joined: &i32| (f64::from(*joined).ln() - wanted.ln()).abs();
-        let joined = [1, 2, 4, 8]
-            .into_iter()
-            .min_by(|a, b| distance_to_wanted(a).total_cmp(&distance_to_wanted(b)));
+        let joined = [1, 2, 4, 8].into_iter().min_by(|a, b| distance_to_wanted(a).total_cmp(&distance_to_wanted(b)));
         let joined = joined.expect("the list is not empty");
         let resolution_m = voxel * f64::from(joined);
         let cells_per_block = 8 / joined;
@@ -46,16 +44,8 @@ impl DistanceField {
             let margin = if axis == 2 { 1 } else { 5 };
             let keep_low = !is_other && first(axis) < low[axis];
             let keep_high = !is_other && last(axis) > high[axis];
-            let from = if keep_low {
-                first(axis)
-            } else {
-                low[axis] - margin
-            };
-            let to = if keep_high {
-                last(axis)
-            } else {
-                high[axis] + margin
-            };
+            let from = if keep_low { first(axis) } else { low[axis] - margin };
+            let to = if keep_high { last(axis) } else { high[axis] + margin };
             self.low[axis] = from * cells_per_block;
             self.size[axis] = ((to - from + 1) * cells_per_block) as usize;
         }
@@ -63,12 +53,9 @@ impl DistanceField {
         self.cells_per_block = cells_per_block;
         let reach = ((self.max_distance_m / resolution_m + 1e-9).floor()).clamp(1.0, 250.0);
         self.max_distance_m = self.max_distance_m.min(250.0 * resolution_m);
-        self.reach_squared = ((self.max_distance_m / resolution_m).powi(2) + 1e-6)
-            .floor()
-            .clamp(reach, 62_500.0) as u32;
-        self.roots = (0..=self.reach_squared)
-            .map(|d| (f64::from(d).sqrt() * resolution_m) as f32)
-            .collect();
+        self.reach_squared =
+            ((self.max_distance_m / resolution_m).powi(2) + 1e-6).floor().clamp(reach, 62_500.0) as u32;
+        self.roots = (0..=self.reach_squared).map(|d| (f64::from(d).sqrt() * resolution_m) as f32).collect();
         let cells = self.size.iter().product();
         self.state = vec![Cell::Unknown; cells];
         self.up = vec![NOWHERE; cells];
@@ -90,9 +77,8 @@ impl DistanceField {
             square |= row << (8 * y);
         }
         let first = [block.key.x, block.key.y, block.key.z];
-        let corner: [usize; 3] = std::array::from_fn(|axis| {
-            (first[axis] * self.cells_per_block - self.low[axis]) as usize
-        });
+        let corner: [usize; 3] =
+            std::array::from_fn(|axis| (first[axis] * self.cells_per_block - self.low[axis]) as usize);
         let mut changed = 0;
         for cz in 0..n {
             for cy in 0..n {
@@ -150,9 +136,7 @@ impl DistanceField {
                 {
                     offsets[z] = (l - z) as i16;
                 }
-                if offsets[z] != NOWHERE
-                    && (i32::from(offsets[z]).pow(2) as u32) > self.reach_squared
-                {
+                if offsets[z] != NOWHERE && (i32::from(offsets[z]).pow(2) as u32) > self.reach_squared {
                     offsets[z] = NOWHERE;
                 }
                 let i = column + nx * ny * z;
@@ -177,11 +161,7 @@ impl DistanceField {
                 let first = x + nx * ny * z;
                 for (y, value) in line.iter_mut().enumerate() {
                     let up = self.up[first + nx * y];
-                    *value = if up == NOWHERE {
-                        FAR
-                    } else {
-                        i32::from(up).pow(2) as u32
-                    };
+                    *value = if up == NOWHERE { FAR } else { i32::from(up).pow(2) as u32 };
                 }
                 self.run(&mut envelope, &line, &mut out);
                 for (y, (squared, site)) in out.iter().enumerate() {
@@ -207,11 +187,7 @@ impl DistanceField {
             lines += 1;
             let first = nx * yz;
             for (value, squared) in line.iter_mut().zip(&self.plane[first..first + nx]) {
-                *value = if *squared == BEYOND {
-                    FAR
-                } else {
-                    u32::from(*squared)
-                };
+                *value = if *squared == BEYOND { FAR } else { u32::from(*squared) };
             }
             self.run(&mut envelope, &line, &mut out);
             for (x, (squared, site)) in out.iter().enumerate() {

@@ -14,11 +14,7 @@ pub(crate) fn squared_distance_2d(is_seed: &[bool], width: usize, height: usize)
         for k in 0..height {
             let row = if pass == 0 { k } else { height - 1 - k } * width;
             for x in 0..width {
-                steps[x] = if is_seed[row + x] {
-                    0
-                } else {
-                    steps[x].saturating_add(1)
-                };
+                steps[x] = if is_seed[row + x] { 0 } else { steps[x].saturating_add(1) };
                 if steps[x] < 65_000 {
                     squared[row + x] = squared[row + x].min(steps[x] * steps[x]);
                 }
@@ -71,17 +67,10 @@ impl Envelope {
     /// Calls back for each x of the line with the squared distance and the site; nothing if there is no site.
     pub fn for_each(&self, length: usize, mut visit: impl FnMut(usize, u32, usize)) {
         for (rank, (site, value, first)) in self.parts.iter().enumerate() {
-            let end = self
-                .parts
-                .get(rank + 1)
-                .map_or(length as i64, |next| next.2);
+            let end = self.parts.get(rank + 1).map_or(length as i64, |next| next.2);
             for x in *first..end {
                 let d = x - site;
-                visit(
-                    x as usize,
-                    (d * d + value).min(i64::from(FAR) - 1) as u32,
-                    *site as usize,
-                );
+                visit(x as usize, (d * d + value).min(i64::from(FAR) - 1) as u32, *site as usize);
             }
         }
     }

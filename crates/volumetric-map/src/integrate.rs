@@ -60,15 +60,8 @@ impl Volume {
     ) -> Result<IntegrationReport, IntegrationError> {
         let scale = 1.0 / self.config.voxel_m;
         let origin = origin_in_world.coords * scale;
-        if origin
-            .iter()
-            .any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0)
-        {
-            return Err(IntegrationError::Origin([
-                origin_in_world.x,
-                origin_in_world.y,
-                origin_in_world.z,
-            ]));
+        if origin.iter().any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0) {
+            return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
         self.revision += 1;
         let blocks_before = self.blocks.len();
@@ -76,14 +69,7 @@ impl Volume {
             report: IntegrationReport::default(),
             touched: Vec::new(),
             origin,
-            last_entered: (
-                BlockKey {
-                    x: i32::MAX,
-                    y: 0,
-                    z: 0,
-                },
-                NONE,
-            ),
+            last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE),
         };
         let rays = self.mark_returns(points_in_world, &mut scan);
         for ray in &rays {
@@ -111,10 +97,7 @@ impl Volume {
     /// others pull too unless they fall on a surface that is firmly known, to which they add little.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
-        let (near, far) = (
-            self.config.min_range_m * scale,
-            self.config.max_range_m * scale,
-        );
+        let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
         let mut rays = Vec::with_capacity(points.len() / 2);
         let turn = self.config.clear_every as i64;
         let firm = self.config.max_weight / 2;
@@ -130,25 +113,14 @@ impl Volume {
                 continue;
             }
             let direction = offset / range;
-            let tip = if range > far {
-                scan.origin + direction * far
-            } else {
-                scan.origin + offset
-            };
+            let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
             let end: [i32; 3] = tip.map(floor).into();
-            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>()
-                + i64::from(self.revision))
-            .rem_euclid(turn)
-                == 0;
+            let is_turn =
+                (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
             if range > far {
                 scan.report.beyond_range += 1;
                 if is_turn {
-                    rays.push(Ray {
-                        direction,
-                        range: far,
-                        end: None,
-                        is_clearing: true,
-                    });
+                    rays.push(Ray { direction, range: far, end: None, is_clearing: true });
                 }
                 continue;
             }
@@ -164,12 +136,7 @@ impl Volume {
             insert(&mut block.hit, local);
             let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
             if is_first || !is_firm {
-                rays.push(Ray {
-                    direction,
-                    range,
-                    end: Some(end),
-                    is_clearing: is_first && is_turn,
-                });
+                rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
             }
         }
         rays
@@ -179,16 +146,9 @@ impl Volume {
     fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
         let scale = 1.0 / self.config.voxel_m;
         // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
-        let (front, behind) = (
-            (self.config.truncation_m * scale).min(3.0),
-            self.config.behind_m * scale,
-        );
+        let (front, behind) = ((self.config.truncation_m * scale).min(3.0), self.config.behind_m * scale);
         let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
-        let mut walk = RayWalk::new(
-            scan.origin.into(),
-            ray.direction.into(),
-            (ray.range - front).max(0.0),
-        );
+        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
         let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
         loop {
             if id != NONE {
@@ -216,11 +176,7 @@ impl Volume {
     /// Step 2 for one ray.
     fn look_through(&mut self, ray: &Ray, scan: &mut Scan) {
         // One voxel before the return, or all the way if there is none.
-        let stop = if ray.end.is_some() {
-            ray.range - 1.0
-        } else {
-            ray.range
-        };
+        let stop = if ray.end.is_some() { ray.range - 1.0 } else { ray.range };
         if stop <= 0.0 {
             return;
         }
@@ -285,8 +241,7 @@ impl Volume {
         }
         // A ray that ends in the tangent plane of the surface slid over it and says nothing against it.
         let steepness = gradient.norm();
-        let ends_off_border =
-            rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * steepness;
+        let ends_off_border = rest * gradient.dot(&ray.direction).abs() > CLEAR_DEPTH_VOXELS * steepness;
         match (sheets, steepness > noticeable) {
             (0, true) => ends_off_border,
             (1, true) => ends_off_border || ends_off_sheet,
@@ -295,20 +250,11 @@ impl Volume {
         }
     }
 
-    fn face_neighbour(
-        &self,
-        id: u32,
-        voxel: [i32; 3],
-        axis: usize,
-        side: usize,
-    ) -> Option<(&Block, usize)> {
+    fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
         let mut other = voxel;
         other[axis] += if side == 1 { 1 } else { -1 };
-        let id = if other[axis] >> 3 == voxel[axis] >> 3 {
-            id
-        } else {
-            self.blocks[id as usize].links[2 * axis + side]
-        };
+        let id =
+            if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
         (id != NONE).then(|| (&self.blocks[id as usize], local_of(other)))
     }
 
@@ -359,11 +305,7 @@ impl Volume {
     #[inline(always)]
     fn follow(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
         let entered = if walk.step[axis] > 0 { 0 } else { 7 };
-        if walk.index[axis] & 7 == entered {
-            self.next_block(id, walk, axis, scan)
-        } else {
-            id
-        }
+        if walk.index[axis] & 7 == entered { self.next_block(id, walk, axis, scan) } else { id }
     }
 
     fn next_block(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {

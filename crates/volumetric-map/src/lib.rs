@@ -95,9 +95,7 @@ pub use distance_field::{DistanceField, UpdateReport};
 pub use integrate::{IntegrationError, IntegrationReport};
 pub use mesh::{Mesh, MeshDelta};
 pub use occupancy_grid::{OccupancyGrid, clearance, fill_islands};
-pub use places::{
-    Place, PlaceConfig, PlaceConfigError, PlaceEdge, PlaceEvent, PlaceGraph, PlaceId,
-};
+pub use places::{Place, PlaceConfig, PlaceConfigError, PlaceEdge, PlaceEvent, PlaceGraph, PlaceId};
 pub use ply::PlyError;
 pub use sight::LineOfSight;
 pub use store::LoadError;

@@ -55,18 +55,8 @@ impl Volume {
             }
         }
         self.mesh_cache.seen = self.revision;
-        delta.vertices = self
-            .mesh_cache
-            .parts
-            .iter()
-            .map(|p| p.1.vertices.len())
-            .sum();
-        delta.faces = 2 * self
-            .mesh_cache
-            .parts
-            .iter()
-            .map(|p| p.1.quads.len())
-            .sum::<usize>();
+        delta.vertices = self.mesh_cache.parts.iter().map(|p| p.1.vertices.len()).sum();
+        delta.faces = 2 * self.mesh_cache.parts.iter().map(|p| p.1.quads.len()).sum::<usize>();
         delta
     }
 
@@ -128,8 +118,7 @@ impl Volume {
         let cache = &mut self.mesh_cache;
         let mut stale = Vec::new();
         for block in &self.blocks {
-            let changed =
-                block.surface_revision > cache.seen || block.occupancy_revision > cache.seen;
+            let changed = block.surface_revision > cache.seen || block.occupancy_revision > cache.seen;
             let is_new_shape = || match cache.shape.get(&block.key.packed()) {
                 Some(shape) => shape.differs(block, tolerance),
                 None => block.near_surface != [0; 8],
@@ -137,15 +126,9 @@ impl Volume {
             if !changed || !is_new_shape() {
                 continue;
             }
-            cache
-                .shape
-                .insert(block.key.packed(), Box::new(Shape::of(block)));
+            cache.shape.insert(block.key.packed(), Box::new(Shape::of(block)));
             for corner in 0..8 {
-                stale.push(
-                    block
-                        .key
-                        .offset(-(corner & 1), -(corner >> 1 & 1), -(corner >> 2)),
-                );
+                stale.push(block.key.offset(-(corner & 1), -(corner >> 1 & 1), -(corner >> 2)));
             }
         }
         stale
@@ -153,9 +136,8 @@ impl Volume {
 
     fn mesh_part(&self, key: BlockKey) -> MeshPart {
         let mut part = MeshPart::default();
-        let corner_blocks: [Option<&Block>; 8] = std::array::from_fn(|k| {
-            self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2))
-        });
+        let corner_blocks: [Option<&Block>; 8] =
+            std::array::from_fn(|k| self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2)));
         let Some(patch) = Patch::of(&corner_blocks) else {
             return part;
         };
@@ -167,22 +149,16 @@ impl Volume {
                 for axis in 0..3u8 {
                     for x in ones(edges[usize::from(axis)]) {
                         let flip = patch.outside[9 * z + y] >> x & 1 == 1;
-                        part.quads.push(Quad {
-                            voxel: [x as u8, y as u8, z as u8],
-                            axis,
-                            flip,
-                        });
+                        part.quads.push(Quad { voxel: [x as u8, y as u8, z as u8], axis, flip });
                     }
                 }
                 for x in ones(cells) {
                     let offset = patch.cell_vertex(x + 9 * y + 81 * z);
                     let at = |axis: usize, local: usize| {
-                        ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis]))
-                            * voxel) as f32
+                        ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
                     };
                     part.cells.push((x + 8 * y + 64 * z) as u16);
-                    part.vertices
-                        .push(Point3::new(at(0, x), at(1, y), at(2, z)));
+                    part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
                     part.labels.push(cell_label(&corner_blocks, [x, y, z]));
                 }
             }
@@ -192,10 +168,7 @@ impl Volume {
 
     /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
     fn quad_vertices(&self, key: BlockKey, quad: &Quad, first_vertex: &[u32]) -> Option<[u32; 4]> {
-        Some(
-            self.quad_cells(key, quad)?
-                .map(|(rank, slot)| first_vertex[rank] + slot as u32),
-        )
+        Some(self.quad_cells(key, quad)?.map(|(rank, slot)| first_vertex[rank] + slot as u32))
     }
 
     /// (part, slot in the part) of a quad's four cells; `None` if one of them has no vertex (it touches unknown voxels).
@@ -208,15 +181,8 @@ impl Volume {
             let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(quad.voxel[a]));
             cell[u] -= 1 - du;
             cell[v] -= 1 - dv;
-            let rank = *self
-                .mesh_cache
-                .rank
-                .get(&BlockKey::of_voxel(cell).packed())?;
-            let slot = self.mesh_cache.parts[rank]
-                .1
-                .cells
-                .binary_search(&(local_of(cell) as u16))
-                .ok()?;
+            let rank = *self.mesh_cache.rank.get(&BlockKey::of_voxel(cell).packed())?;
+            let slot = self.mesh_cache.parts[rank].1.cells.binary_search(&(local_of(cell) as u16)).ok()?;
             corners[corner] = (rank, slot);
         }
         if quad.flip {
@@ -230,11 +196,7 @@ impl Volume {
 fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
     let mut tally = [(0u16, 0u32); 8];
     for corner in 0..8usize {
-        let at = [
-            cell[0] + (corner & 1),
-            cell[1] + (corner >> 1 & 1),
-            cell[2] + (corner >> 2),
-        ];
+        let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
         let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
         let Some(votes) = block.and_then(|b| b.votes.as_ref()) else {
             continue;
@@ -243,25 +205,16 @@ fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
         if votes.count[i] == 0 {
             continue;
         }
-        let slot = tally
-            .iter_mut()
-            .find(|t| t.1 == 0 || t.0 == votes.label[i])
-            .expect("eight corners, eight slots");
+        let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
         slot.0 = votes.label[i];
         slot.1 += u32::from(votes.count[i]);
     }
-    let best = tally
-        .into_iter()
-        .max_by_key(|(label, count)| (*count, std::cmp::Reverse(*label)));
-    best.filter(|(_, count)| *count > 0)
-        .map_or(0, |(label, _)| label)
+    let best = tally.into_iter().max_by_key(|(label, count)| (*count, std::cmp::Reverse(*label)));
+    best.filter(|(_, count)| *count > 0).map_or(0, |(label, _)| label)
 }
 
 fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
-    [
-        [corners[0], corners[1], corners[2]],
-        [corners[0], corners[2], corners[3]],
-    ]
+    [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
 
 /// Positions of the ones of a row.
@@ -281,11 +234,7 @@ impl Patch {
     /// none of the voxels lies inside something.
     fn of(blocks: &[Option<&Block>; 8]) -> Option<Self> {
         blocks[0]?;
-        let mut patch = Self {
-            distance: [0; 729],
-            inside: [0; 81],
-            outside: [0; 81],
-        };
+        let mut patch = Self { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
         for (corner, block) in blocks.iter().enumerate() {
             let Some(block) = block else { continue };
             let (shift_x, shift_y, shift_z) = (corner & 1, corner >> 1 & 1, corner >> 2);
@@ -294,8 +243,7 @@ impl Patch {
             for z in range(shift_z) {
                 for y in range(shift_y) {
                     let first = (y & 7) << 3 | (z & 7) << 6;
-                    let known = (block.known[z & 7] >> (8 * (y & 7))
-                        & if width == 8 { 0xff } else { 1 }) as u16;
+                    let known = (block.known[z & 7] >> (8 * (y & 7)) & if width == 8 { 0xff } else { 1 }) as u16;
                     let mut inside = 0u16;
                     let to = 8 * shift_x + 9 * y + 81 * z;
                     for x in 0..width {
@@ -337,9 +285,8 @@ impl Patch {
 
     /// Mean of the crossings on the edges of a cell that has some, in voxels from the cell's first voxel centre.
     fn cell_vertex(&self, base: usize) -> [f32; 3] {
-        let d: [f32; 8] = std::array::from_fn(|k| {
-            f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)])
-        });
+        let d: [f32; 8] =
+            std::array::from_fn(|k| f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)]));
         let mut sum = [0f32; 3];
         let mut crossings = 0f32;
         for axis in 0..3 {
@@ -349,11 +296,7 @@ impl Patch {
                     continue;
                 }
                 for (other, value) in sum.iter_mut().enumerate() {
-                    *value += if other == axis {
-                        d[a] / (d[a] - d[b])
-                    } else {
-                        (a >> other & 1) as f32
-                    };
+                    *value += if other == axis { d[a] / (d[a] - d[b]) } else { (a >> other & 1) as f32 };
                 }
                 crossings += 1.0;
             }
@@ -388,17 +331,11 @@ struct Shape {
 
 impl Shape {
     fn of(block: &Block) -> Self {
-        Self {
-            known: block.known,
-            distance: block.distance,
-            label: block.votes.as_ref().map(|v| Box::new(v.label)),
-        }
+        Self { known: block.known, distance: block.distance, label: block.votes.as_ref().map(|v| Box::new(v.label)) }
     }
 
     fn differs(&self, block: &Block, tolerance: i32) -> bool {
-        if self.known != block.known
-            || self.label.as_deref() != block.votes.as_ref().map(|v| &v.label)
-        {
+        if self.known != block.known || self.label.as_deref() != block.votes.as_ref().map(|v| &v.label) {
             return true;
         }
         // Only near the surface: a voxel far in front of it that changes moves no vertex.

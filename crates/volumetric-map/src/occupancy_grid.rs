@@ -23,13 +23,7 @@ pub struct OccupancyGrid {
 impl OccupancyGrid {
     /// A grid of unknown cells.
     pub fn unknown(origin: Point2<f64>, resolution_m: f64, width: usize, height: usize) -> Self {
-        Self {
-            origin,
-            resolution_m,
-            width,
-            height,
-            cells: vec![Cell::Unknown; width * height],
-        }
+        Self { origin, resolution_m, width, height, cells: vec![Cell::Unknown; width * height] }
     }
 
     /// The cell that holds a point; `None` outside (and for points that are not finite).
@@ -50,17 +44,12 @@ impl OccupancyGrid {
 
     /// The cell's state; unknown outside the grid.
     pub fn get(&self, ix: usize, iy: usize) -> Cell {
-        if ix < self.width && iy < self.height {
-            self.cells[iy * self.width + ix]
-        } else {
-            Cell::Unknown
-        }
+        if ix < self.width && iy < self.height { self.cells[iy * self.width + ix] } else { Cell::Unknown }
     }
 
     /// The state at a world point; unknown outside.
     pub fn at(&self, point: &Point2<f64>) -> Cell {
-        self.cell_of(point)
-            .map_or(Cell::Unknown, |(ix, iy)| self.get(ix, iy))
+        self.cell_of(point).map_or(Cell::Unknown, |(ix, iy)| self.get(ix, iy))
     }
 
     /// Number of cells in a state.
@@ -75,20 +64,12 @@ impl OccupancyGrid {
 /// Obstacles are the occupied cells, and the unknown ones if asked. Zero on obstacles; infinite if there is none. The border
 /// of the grid is no obstacle.
 pub fn clearance(grid: &OccupancyGrid, unknown_is_obstacle: bool) -> Vec<f32> {
-    let is_obstacle =
-        |cell: &Cell| *cell == Cell::Occupied || unknown_is_obstacle && *cell == Cell::Unknown;
+    let is_obstacle = |cell: &Cell| *cell == Cell::Occupied || unknown_is_obstacle && *cell == Cell::Unknown;
     let seeds: Vec<bool> = grid.cells.iter().map(is_obstacle).collect();
     let metre = |squared: u32| {
-        if squared == FAR {
-            f32::INFINITY
-        } else {
-            (f64::from(squared).sqrt() * grid.resolution_m) as f32
-        }
+        if squared == FAR { f32::INFINITY } else { (f64::from(squared).sqrt() * grid.resolution_m) as f32 }
     };
-    squared_distance_2d(&seeds, grid.width, grid.height)
-        .into_iter()
-        .map(metre)
-        .collect()
+    squared_distance_2d(&seeds, grid.width, grid.height).into_iter().map(metre).collect()
 }
 
 /// Frees things that stand alone in a room, so that rooms are not split at furniture: every 8-connected island of cells
@@ -130,8 +111,7 @@ pub fn fill_islands(grid: &OccupancyGrid, max_area_m2: f64, max_side_m: f64) -> 
                 }
             }
         }
-        let touches_border =
-            low[0] == 0 || low[1] == 0 || high[0] + 1 == grid.width || high[1] + 1 == grid.height;
+        let touches_border = low[0] == 0 || low[1] == 0 || high[0] + 1 == grid.width || high[1] + 1 == grid.height;
         let side = |axis: usize| (high[axis] - low[axis] + 1) as f64 * grid.resolution_m;
         // A hair of slack: the side of an island of exactly the limit must not depend on rounding.
         let is_small = island.len() as f64 * cell_area < max_area_m2
@@ -151,8 +131,7 @@ mod tests {
     use super::*;
 
     fn grid(rows: &[&str]) -> OccupancyGrid {
-        let mut grid =
-            OccupancyGrid::unknown(Point2::new(-1.0, 2.0), 0.5, rows[0].len(), rows.len());
+        let mut grid = OccupancyGrid::unknown(Point2::new(-1.0, 2.0), 0.5, rows[0].len(), rows.len());
         for (iy, row) in rows.iter().enumerate() {
             for (ix, c) in row.bytes().enumerate() {
                 grid.cells[iy * grid.width + ix] = match c {
@@ -182,19 +161,13 @@ mod tests {
         assert_eq!(c[0], 0.0);
         assert!((c[4 + 2] - 0.5 * 5f32.sqrt()).abs() < 1e-6);
         assert!((clearance(&g, true)[2 * 4 + 2] - 0.5).abs() < 1e-6);
-        assert!(
-            clearance(&grid(&["..", ".."]), true)
-                .iter()
-                .all(|c| c.is_infinite())
-        );
+        assert!(clearance(&grid(&["..", ".."]), true).iter().all(|c| c.is_infinite()));
         assert!(clearance(&OccupancyGrid::unknown(Point2::origin(), 1.0, 0, 0), true).is_empty());
     }
 
     #[test]
     fn a_table_goes_and_walls_stay() {
-        let g = grid(&[
-            "#######", "#.....#", "#.# ..#", "#.##..#", "#.....#", "#######",
-        ]);
+        let g = grid(&["#######", "#.....#", "#.# ..#", "#.##..#", "#.....#", "#######"]);
         let filled = fill_islands(&g, 1.1, 1.0);
         assert_eq!(filled.count(Cell::Free), 20);
         assert_eq!(filled.count(Cell::Occupied), 22);

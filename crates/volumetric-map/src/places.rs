@@ -102,9 +102,7 @@ impl Default for PlaceConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PlaceConfigError {
     /// A length is not finite and positive.
-    #[error(
-        "min_clearance_m, spacing_m, min_place_clearance_m and merge_m must be finite and positive"
-    )]
+    #[error("min_clearance_m, spacing_m, min_place_clearance_m and merge_m must be finite and positive")]
     Length,
     /// `merge_m` is not below `spacing_m`.
     #[error("merge_m ({merge_m}) must be smaller than spacing_m ({spacing_m})")]
@@ -125,25 +123,14 @@ impl PlaceConfig {
     /// # Errors
     /// [`PlaceConfigError`] names what makes no sense.
     pub fn validate(&self) -> Result<(), PlaceConfigError> {
-        let lengths = [
-            self.min_clearance_m,
-            self.spacing_m,
-            self.min_place_clearance_m,
-            self.merge_m,
-        ];
+        let lengths = [self.min_clearance_m, self.spacing_m, self.min_place_clearance_m, self.merge_m];
         if lengths.iter().any(|l| !l.is_finite() || *l <= 0.0) {
             return Err(PlaceConfigError::Length);
         }
         if self.merge_m >= self.spacing_m {
-            return Err(PlaceConfigError::MergeAboveSpacing {
-                merge_m: self.merge_m,
-                spacing_m: self.spacing_m,
-            });
+            return Err(PlaceConfigError::MergeAboveSpacing { merge_m: self.merge_m, spacing_m: self.spacing_m });
         }
-        if self
-            .height_band_m
-            .is_some_and(|b| b[0].is_nan() || b[1].is_nan() || b[0] >= b[1])
-        {
+        if self.height_band_m.is_some_and(|b| b[0].is_nan() || b[1].is_nan() || b[0] >= b[1]) {
             return Err(PlaceConfigError::HeightBand);
         }
         Ok(())
@@ -204,12 +191,7 @@ impl PlaceGraph {
                 .filter(|e| !new_edges.contains_key(&(e.a, e.b)))
                 .map(|e| PlaceEvent::EdgeRemoved(e.a, e.b)),
         );
-        events.extend(
-            self.places
-                .iter()
-                .filter(|p| !kept.contains_key(&p.id))
-                .map(|p| PlaceEvent::Removed(p.id)),
-        );
+        events.extend(self.places.iter().filter(|p| !kept.contains_key(&p.id)).map(|p| PlaceEvent::Removed(p.id)));
         let mut settled = Vec::with_capacity(places.len());
         for place in places {
             match self.places.binary_search_by_key(&place.id, |p| p.id) {
@@ -260,10 +242,7 @@ impl PlaceGraph {
 
     /// One place.
     pub fn place(&self, id: PlaceId) -> Option<&Place> {
-        self.places
-            .binary_search_by_key(&id, |p| p.id)
-            .ok()
-            .map(|at| &self.places[at])
+        self.places.binary_search_by_key(&id, |p| p.id).ok().map(|at| &self.places[at])
     }
 
     /// The place whose region holds a world point; `None` outside all regions (too near to an obstacle, or unknown).
@@ -286,20 +265,9 @@ impl PlaceGraph {
     /// # Panics
     /// With the name of the rule that is broken.
     pub fn check_invariants(&self) {
-        assert!(
-            self.places.windows(2).all(|w| w[0].id < w[1].id),
-            "places ascend and are unique"
-        );
-        assert!(
-            self.places.iter().all(|p| p.id.0 < self.next_id),
-            "ids come from the counter"
-        );
-        assert!(
-            self.edges
-                .windows(2)
-                .all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)),
-            "edges ascend and are unique"
-        );
+        assert!(self.places.windows(2).all(|w| w[0].id < w[1].id), "places ascend and are unique");
+        assert!(self.places.iter().all(|p| p.id.0 < self.next_id), "ids come from the counter");
+        assert!(self.edges.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)), "edges ascend and are unique");
         for edge in &self.edges {
             assert!(edge.a < edge.b, "an edge names the smaller id first");
             let (a, b) = (self.place(edge.a), self.place(edge.b));
@@ -312,9 +280,7 @@ impl PlaceGraph {
             );
         }
         assert!(
-            self.region
-                .iter()
-                .all(|r| *r == NO_REGION || (*r as usize) < self.places.len()),
+            self.region.iter().all(|r| *r == NO_REGION || (*r as usize) < self.places.len()),
             "regions name places"
         );
     }

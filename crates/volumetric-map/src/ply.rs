@@ -112,18 +112,12 @@ impl Volume {
     }
 }
 
-fn read_vertices(
-    input: &mut impl Read,
-    element: &Element,
-    mesh: &mut Mesh,
-) -> Result<(), PlyError> {
+fn read_vertices(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> Result<(), PlyError> {
     let mut at = 0;
     let mut offset = [None; 4];
     for property in &element.properties {
         let Kind::Scalar(scalar) = property.kind else {
-            return Err(PlyError::Unsupported {
-                line: property.line,
-            });
+            return Err(PlyError::Unsupported { line: property.line });
         };
         for (k, name) in ["x", "y", "z", "label"].into_iter().enumerate() {
             if property.name == name && (k == 3 || scalar == Scalar::F32) {
@@ -138,14 +132,9 @@ fn read_vertices(
     let mut row = vec![0u8; at];
     for _ in 0..element.count {
         input.read_exact(&mut row)?;
-        let float = |from: usize| {
-            f32::from_le_bytes([row[from], row[from + 1], row[from + 2], row[from + 3]])
-        };
-        mesh.vertices
-            .push(Point3::new(float(x), float(y), float(z)));
-        mesh.labels.push(label.map_or(0, |(from, scalar)| {
-            scalar.whole(&row[from..]).min(65_535) as u16
-        }));
+        let float = |from: usize| f32::from_le_bytes([row[from], row[from + 1], row[from + 2], row[from + 3]]);
+        mesh.vertices.push(Point3::new(float(x), float(y), float(z)));
+        mesh.labels.push(label.map_or(0, |(from, scalar)| scalar.whole(&row[from..]).min(65_535) as u16));
     }
     Ok(())
 }
@@ -159,8 +148,7 @@ fn read_faces(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> Resu
                 Kind::List(count, item) => {
                     input.read_exact(&mut buffer[..count.size()])?;
                     let corners = count.whole(&buffer);
-                    let is_face =
-                        property.name == "vertex_indices" || property.name == "vertex_index";
+                    let is_face = property.name == "vertex_indices" || property.name == "vertex_index";
                     if is_face && !(3..=255).contains(&corners) {
                         return Err(PlyError::Face { face });
                     }
@@ -168,10 +156,7 @@ fn read_faces(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> Resu
                     for _ in 0..corners {
                         input.read_exact(&mut buffer[..item.size()])?;
                         if is_face {
-                            polygon.push(
-                                u32::try_from(item.whole(&buffer))
-                                    .map_err(|_| PlyError::Face { face })?,
-                            );
+                            polygon.push(u32::try_from(item.whole(&buffer)).map_err(|_| PlyError::Face { face })?);
                         }
                     }
                     for k in 2..polygon.len() {
@@ -237,10 +222,7 @@ impl Scalar {
     /// The value as a whole number; floats give zero (no label, no index, no count is a float).
     fn whole(self, bytes: &[u8]) -> u64 {
         match self {
-            Self::Int(size) => bytes[..size]
-                .iter()
-                .rev()
-                .fold(0, |sum, b| sum << 8 | u64::from(*b)),
+            Self::Int(size) => bytes[..size].iter().rev().fold(0, |sum, b| sum << 8 | u64::from(*b)),
             Self::F32 | Self::F64 => 0,
         }
     }
@@ -253,13 +235,8 @@ impl Header {
         for line in 1..=200 {
             let mut bytes = Vec::new();
             input.by_ref().take(1000).read_until(b'\n', &mut bytes)?;
-            let text = std::str::from_utf8(&bytes).map_err(|_| {
-                if line == 1 {
-                    PlyError::NotPly
-                } else {
-                    PlyError::Header { line }
-                }
-            })?;
+            let text = std::str::from_utf8(&bytes)
+                .map_err(|_| if line == 1 { PlyError::NotPly } else { PlyError::Header { line } })?;
             let words: Vec<&str> = text.split_whitespace().collect();
             if line == 1 {
                 if words != ["ply"] {
@@ -285,32 +262,18 @@ impl Header {
                     });
                 }
                 ["property", "list", count, item, name] => {
-                    let (Some(count), Some(item)) = (Scalar::parse(count), Scalar::parse(item))
-                    else {
+                    let (Some(count), Some(item)) = (Scalar::parse(count), Scalar::parse(item)) else {
                         return Err(bad);
                     };
                     let kind = Kind::List(count, item);
-                    elements.last_mut().ok_or(bad)?.properties.push(Property {
-                        name: (*name).into(),
-                        kind,
-                        line,
-                    });
+                    elements.last_mut().ok_or(bad)?.properties.push(Property { name: (*name).into(), kind, line });
                 }
                 ["property", scalar, name] => {
-                    let kind =
-                        Kind::Scalar(Scalar::parse(scalar).ok_or(PlyError::Header { line })?);
-                    elements.last_mut().ok_or(bad)?.properties.push(Property {
-                        name: (*name).into(),
-                        kind,
-                        line,
-                    });
+                    let kind = Kind::Scalar(Scalar::parse(scalar).ok_or(PlyError::Header { line })?);
+                    elements.last_mut().ok_or(bad)?.properties.push(Property { name: (*name).into(), kind, line });
                 }
                 ["end_header"] => {
-                    return if has_format {
-                        Ok(Self { elements })
-                    } else {
-                        Err(PlyError::Format)
-                    };
+                    return if has_format { Ok(Self { elements }) } else { Err(PlyError::Format) };
                 }
                 _ => return Err(bad),
             }

@@ -69,11 +69,7 @@ impl RayWalk {
         // Borders each axis has yet to cross inside the block before the one that leaves it.
         let left: [i32; 3] = std::array::from_fn(|axis| {
             let local = self.index[axis] & 7;
-            if self.step[axis] > 0 {
-                7 - local
-            } else {
-                local
-            }
+            if self.step[axis] > 0 { 7 - local } else { local }
         });
         let leave = |axis: usize| self.t_next[axis] + f64::from(left[axis]) * self.t_delta[axis];
         // An axis that never moves has infinite borders; zero borders left times infinity is no number, and is not the minimum.
@@ -108,26 +104,16 @@ mod tests {
 
     #[test]
     fn a_straight_and_a_slanted_ray_by_hand() {
-        assert_eq!(
-            voxels([0.5, 0.5, 0.5], [-1.0, 0.0, 0.0], 2.0),
-            [[0, 0, 0], [-1, 0, 0], [-2, 0, 0]]
-        );
+        assert_eq!(voxels([0.5, 0.5, 0.5], [-1.0, 0.0, 0.0], 2.0), [[0, 0, 0], [-1, 0, 0], [-2, 0, 0]]);
         let s = 5.0f64.sqrt();
-        assert_eq!(
-            voxels([0.5, 0.6, 0.5], [2.0 / s, 1.0 / s, 0.0], 2.2),
-            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]]
-        );
+        assert_eq!(voxels([0.5, 0.6, 0.5], [2.0 / s, 1.0 / s, 0.0], 2.2), [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]]);
     }
 
     #[test]
     fn a_jump_ends_where_the_steps_end() {
         for k in 0..200u32 {
             let a = f64::from(k) * 0.37;
-            let direction = [
-                a.cos() * (0.3 * a).cos(),
-                a.sin() * (0.3 * a).cos(),
-                (0.3 * a).sin(),
-            ];
+            let direction = [a.cos() * (0.3 * a).cos(), a.sin() * (0.3 * a).cos(), (0.3 * a).sin()];
             let origin = [3.3 + (a * 7.0).sin(), 4.1, 2.7 + (a * 3.0).cos()];
             let mut jump = RayWalk::new(origin, direction, 0.0);
             let mut steps = jump.clone();

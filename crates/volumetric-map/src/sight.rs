@@ -45,11 +45,7 @@ impl DistanceField {
         if !length.is_finite() || length > 1e6 * self.resolution_m() {
             return LineOfSight::Unknown { at: *a };
         }
-        let direction = if length > 0.0 {
-            (b - a) / length
-        } else {
-            nalgebra::Vector3::zeros()
-        };
+        let direction = if length > 0.0 { (b - a) / length } else { nalgebra::Vector3::zeros() };
         let end = length - skip_b_m.max(0.0);
         let mut unknown = None;
         let mut along = skip_a_m.max(0.0);
@@ -66,9 +62,7 @@ impl DistanceField {
                 Some(distance) if distance < margin_m => return LineOfSight::Blocked { at },
                 // Two cells of slack: strides must not jump over unknown cells unseen, and the interpolation is not exact.
                 Some(distance) => {
-                    stride = stride
-                        .max(distance - margin_m - 2.0 * self.resolution_m())
-                        .min(MAX_STRIDE_M)
+                    stride = stride.max(distance - margin_m - 2.0 * self.resolution_m()).min(MAX_STRIDE_M)
                 }
             }
             if along < end && along + stride > end {

@@ -43,24 +43,11 @@ impl Volume {
         let body = self.layers(floor_z_m + step_m, floor_z_m + height_m);
         let floor = self.layers(floor_z_m - step_m, floor_z_m + step_m);
         let low = self.layers(floor_z_m, floor_z_m + step_m.max(0.3));
-        let beneath = self.layers(
-            floor_z_m - step_m - 3.0 * self.config.voxel_m,
-            floor_z_m - step_m,
-        );
-        let mut grid = self.flatten(None, body, |column| {
-            if column.occupied > 0 {
-                Cell::Occupied
-            } else {
-                Cell::Unknown
-            }
-        });
-        let floor_seen = self.flatten(None, floor, |column| {
-            if column.occupied > 0 {
-                Cell::Occupied
-            } else {
-                Cell::Unknown
-            }
-        });
+        let beneath = self.layers(floor_z_m - step_m - 3.0 * self.config.voxel_m, floor_z_m - step_m);
+        let mut grid =
+            self.flatten(None, body, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
+        let floor_seen =
+            self.flatten(None, floor, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
         let half = ((low.1 - low.0 + 2) / 2) as u32;
         let low_free = self.count(None, low, |column| column.free);
         let drop = self.count(None, beneath, |column| column.free);
@@ -70,11 +57,7 @@ impl Volume {
             }
             *cell = if floor_seen.cells[i] == Cell::Occupied {
                 // Free space on it: what a return at a wall's foot leaves behind the wall is no floor to drive on.
-                if low_free[i] >= 2.min(half) {
-                    Cell::Free
-                } else {
-                    Cell::Unknown
-                }
+                if low_free[i] >= 2.min(half) { Cell::Free } else { Cell::Unknown }
             } else if drop[i] >= 2 {
                 Cell::Occupied
             } else if low_free[i] >= half {
@@ -91,41 +74,21 @@ impl Volume {
         // A band border on a voxel's centre must not depend on rounding: a hair in.
         let low = (z_low_m / self.config.voxel_m - 0.5 - 1e-6).ceil();
         let high = (z_high_m / self.config.voxel_m - 0.5 + 1e-6).floor();
-        if low.is_nan() || high.is_nan() {
-            (0, -1)
-        } else {
-            (low as i64, high as i64)
-        }
+        if low.is_nan() || high.is_nan() { (0, -1) } else { (low as i64, high as i64) }
     }
 
-    fn flatten(
-        &self,
-        bounds: Option<[f64; 4]>,
-        band: (i64, i64),
-        judge: impl Fn(Column) -> Cell,
-    ) -> OccupancyGrid {
+    fn flatten(&self, bounds: Option<[f64; 4]>, band: (i64, i64), judge: impl Fn(Column) -> Cell) -> OccupancyGrid {
         let voxel = self.config.voxel_m;
         let Some([low_x, low_y, high_x, high_y]) = self.grid_extent(bounds) else {
             return OccupancyGrid::unknown(Point2::origin(), voxel, 0, 0);
         };
         let (width, height) = ((high_x - low_x) as usize, (high_y - low_y) as usize);
         let origin = Point2::new(low_x as f64 * voxel, low_y as f64 * voxel);
-        OccupancyGrid {
-            origin,
-            resolution_m: voxel,
-            width,
-            height,
-            cells: self.count(bounds, band, judge),
-        }
+        OccupancyGrid { origin, resolution_m: voxel, width, height, cells: self.count(bounds, band, judge) }
     }
 
     /// One value per column of the same grid as [`flatten`](Self::flatten).
-    fn count<T>(
-        &self,
-        bounds: Option<[f64; 4]>,
-        band: (i64, i64),
-        judge: impl Fn(Column) -> T,
-    ) -> Vec<T> {
+    fn count<T>(&self, bounds: Option<[f64; 4]>, band: (i64, i64), judge: impl Fn(Column) -> T) -> Vec<T> {
         let Some([low_x, low_y, high_x, high_y]) = self.grid_extent(bounds) else {
             return Vec::new();
         };
@@ -185,24 +148,9 @@ impl Volume {
         let keys = || self.blocks.iter().map(|b| b.key);
         let (low_x, high_x) = (keys().map(|k| k.x).min()?, keys().map(|k| k.x).max()?);
         let (low_y, high_y) = (keys().map(|k| k.y).min()?, keys().map(|k| k.y).max()?);
-        let first = BlockKey {
-            x: low_x,
-            y: low_y,
-            z: 0,
-        }
-        .first_voxel();
-        let last = BlockKey {
-            x: high_x,
-            y: high_y,
-            z: 0,
-        }
-        .first_voxel();
-        Some([
-            i64::from(first[0]),
-            i64::from(first[1]),
-            i64::from(last[0]) + 8,
-            i64::from(last[1]) + 8,
-        ])
+        let first = BlockKey { x: low_x, y: low_y, z: 0 }.first_voxel();
+        let last = BlockKey { x: high_x, y: high_y, z: 0 }.first_voxel();
+        Some([i64::from(first[0]), i64::from(first[1]), i64::from(last[0]) + 8, i64::from(last[1]) + 8])
     }
 }
 
@@ -234,8 +182,6 @@ impl Sum {
     }
 
     fn at(&self, bit: u32) -> u32 {
-        (0..4)
-            .map(|k| ((self.digits[k] >> bit & 1) as u32) << k)
-            .sum()
+        (0..4).map(|k| ((self.digits[k] >> bit & 1) as u32) << k).sum()
     }
 }

@@ -53,21 +53,12 @@ impl Volume {
     /// # Errors
     /// What the writer reports.
     pub fn save(&self, out: impl Write) -> std::io::Result<()> {
-        let mut out = Summed {
-            inner: out,
-            sum: FNV_START,
-        };
+        let mut out = Summed { inner: out, sum: FNV_START };
         out.write_all(&MAGIC)?;
         out.write_all(&MAJOR.to_le_bytes())?;
         out.write_all(&MINOR.to_le_bytes())?;
         let c = &self.config;
-        for value in [
-            c.voxel_m,
-            c.truncation_m,
-            c.behind_m,
-            c.max_range_m,
-            c.min_range_m,
-        ] {
+        for value in [c.voxel_m, c.truncation_m, c.behind_m, c.max_range_m, c.min_range_m] {
             out.write_all(&value.to_le_bytes())?;
         }
         out.write_all(&[c.max_weight, c.clear_weight, c.min_weight])?;
@@ -83,8 +74,7 @@ impl Volume {
             for v in [block.key.x, block.key.y, block.key.z] {
                 bytes.extend_from_slice(&v.to_le_bytes());
             }
-            let is_free =
-                (0..BLOCK_VOXELS).all(|i| block.distance[i] == free_distance(block.weight[i]));
+            let is_free = (0..BLOCK_VOXELS).all(|i| block.distance[i] == free_distance(block.weight[i]));
             bytes.push(u8::from(block.votes.is_some()) | u8::from(is_free) << 1);
             bytes.extend(block.occupied.iter().flat_map(|word| word.to_le_bytes()));
             bytes.extend_from_slice(&block.weight);
@@ -108,19 +98,13 @@ impl Volume {
     /// # Errors
     /// [`LoadError`] says what is wrong; nothing in the file can make this panic or take more memory than it is long.
     pub fn load(input: impl Read) -> Result<Self, LoadError> {
-        let mut input = Summed {
-            inner: input,
-            sum: FNV_START,
-        };
+        let mut input = Summed { inner: input, sum: FNV_START };
         if input.take::<8>().map_err(|_| LoadError::NotAVolume)? != MAGIC {
             return Err(LoadError::NotAVolume);
         }
         let major = u16::from_le_bytes(input.take()?);
         if major > MAJOR {
-            return Err(LoadError::NewerVersion {
-                found: major,
-                supported: MAJOR,
-            });
+            return Err(LoadError::NewerVersion { found: major, supported: MAJOR });
         }
         let _minor = u16::from_le_bytes(input.take()?);
         let mut lengths = [0.0; 5];
@@ -165,11 +149,7 @@ impl Volume {
     }
 }
 
-fn read_block<R: Read>(
-    input: &mut Summed<R>,
-    number: u64,
-    volume: &Volume,
-) -> Result<Block, LoadError> {
+fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> Result<Block, LoadError> {
     let [x, y, z] = [input.take()?, input.take()?, input.take()?].map(i32::from_le_bytes);
     let limit = MAX_VOXEL_INDEX as i32 / 8;
     let [flags] = input.take()?;
@@ -193,16 +173,11 @@ fn read_block<R: Read>(
         }
     }
     let is_in_range = |d: &i16| (-DISTANCE_ONE..=DISTANCE_ONE).contains(d);
-    if !block.distance.iter().all(is_in_range)
-        || block.weight.iter().any(|w| *w > volume.config.max_weight)
-    {
+    if !block.distance.iter().all(is_in_range) || block.weight.iter().any(|w| *w > volume.config.max_weight) {
         return Err(LoadError::Block(number));
     }
     if flags & 1 == 1 {
-        let mut votes = Votes {
-            label: [0; BLOCK_VOXELS],
-            count: [0; BLOCK_VOXELS],
-        };
+        let mut votes = Votes { label: [0; BLOCK_VOXELS], count: [0; BLOCK_VOXELS] };
         let bytes: [u8; 2 * BLOCK_VOXELS] = input.take()?;
         for (label, pair) in votes.label.iter_mut().zip(bytes.chunks_exact(2)) {
             *label = u16::from_le_bytes([pair[0], pair[1]]);

@@ -69,8 +69,7 @@ impl Volume {
 
     /// Unknown, free or occupied at a world point. Points that are not finite are unknown.
     pub fn observe(&self, point: &Point3<f64>) -> Cell {
-        self.voxel_of(point)
-            .map_or(Cell::Unknown, |voxel| self.observe_voxel(voxel))
+        self.voxel_of(point).map_or(Cell::Unknown, |voxel| self.observe_voxel(voxel))
     }
 
     /// The stored signed distance at a world point, metres, positive in front of surfaces and cut at the truncation;
@@ -79,8 +78,7 @@ impl Volume {
         let voxel = self.voxel_of(point)?;
         let block = self.block(BlockKey::of_voxel(voxel))?;
         let local = local_of(voxel);
-        contains(&block.known, local)
-            .then(|| f64::from(block.distance[local]) / f64::from(self.thresholds.units_per_m))
+        contains(&block.known, local).then(|| f64::from(block.distance[local]) / f64::from(self.thresholds.units_per_m))
     }
 
     /// The label that leads in the voxel at a world point; `None` where nobody voted.
@@ -111,12 +109,7 @@ impl Volume {
             counted += 1;
             let block = &mut self.blocks[id as usize];
             let local = local_of(voxel);
-            let votes = block.votes.get_or_insert_with(|| {
-                Box::new(Votes {
-                    label: [0; 512],
-                    count: [0; 512],
-                })
-            });
+            let votes = block.votes.get_or_insert_with(|| Box::new(Votes { label: [0; 512], count: [0; 512] }));
             if votes.count[local] == 0 {
                 votes.label[local] = *label;
                 votes.count[local] = 1;
@@ -136,26 +129,19 @@ impl Volume {
         let mut low = [first.x, first.y, first.z];
         let mut high = low;
         for block in &self.blocks {
-            for (axis, v) in [block.key.x, block.key.y, block.key.z]
-                .into_iter()
-                .enumerate()
-            {
+            for (axis, v) in [block.key.x, block.key.y, block.key.z].into_iter().enumerate() {
                 low[axis] = low[axis].min(v);
                 high[axis] = high[axis].max(v);
             }
         }
         let edge = 8.0 * self.config.voxel_m;
-        let at = |k: [i32; 3], add: i32| {
-            Point3::from(Vector3::from(k.map(|v| f64::from(v + add) * edge)))
-        };
+        let at = |k: [i32; 3], add: i32| Point3::from(Vector3::from(k.map(|v| f64::from(v + add) * edge)));
         Some((at(low, 0), at(high, 1)))
     }
 
     /// World position of a voxel's centre.
     pub fn voxel_center(&self, voxel: [i32; 3]) -> Point3<f64> {
-        Point3::from(Vector3::from(
-            voxel.map(|i| (f64::from(i) + 0.5) * self.config.voxel_m),
-        ))
+        Point3::from(Vector3::from(voxel.map(|i| (f64::from(i) + 0.5) * self.config.voxel_m)))
     }
 
     /// The voxel that holds a world point; `None` if not finite or absurdly far away.
@@ -182,39 +168,20 @@ impl Volume {
     /// # Panics
     /// With the name of the rule that is broken.
     pub fn check_invariants(&self) {
-        assert_eq!(
-            self.index.len(),
-            self.blocks.len(),
-            "index and blocks have one entry per block"
-        );
+        assert_eq!(self.index.len(), self.blocks.len(), "index and blocks have one entry per block");
         for (id, block) in self.blocks.iter().enumerate() {
-            assert_eq!(
-                self.block_id(block.key),
-                Some(id as u32),
-                "the index finds the block"
-            );
+            assert_eq!(self.block_id(block.key), Some(id as u32), "the index finds the block");
             for (side, link) in block.links.iter().enumerate() {
-                let expected = self
-                    .block_id(neighbour_key(block.key, side))
-                    .unwrap_or(NONE);
+                let expected = self.block_id(neighbour_key(block.key, side)).unwrap_or(NONE);
                 assert_eq!(*link, expected, "links agree with the index");
             }
             let mut copy = block.clone();
             copy.refresh(|_| true, &self.thresholds, u32::MAX);
             assert_eq!(copy.known, block.known, "known set follows the weights");
-            assert_eq!(
-                copy.occupied, block.occupied,
-                "occupied set follows the distances"
-            );
+            assert_eq!(copy.occupied, block.occupied, "occupied set follows the distances");
             assert_eq!(copy.settled, block.settled, "settled set follows both");
-            assert_eq!(
-                copy.all_settled, block.all_settled,
-                "summary follows the settled set"
-            );
-            assert!(
-                block.weight.iter().all(|w| *w <= self.config.max_weight),
-                "weights are capped"
-            );
+            assert_eq!(copy.all_settled, block.all_settled, "summary follows the settled set");
+            assert!(block.weight.iter().all(|w| *w <= self.config.max_weight), "weights are capped");
         }
     }
 

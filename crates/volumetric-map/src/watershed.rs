@@ -77,22 +77,12 @@ impl<'a> Flood<'a> {
                 let squared = field.squared[cell];
                 if squared >= floor && field.state[cell] == Cell::Free {
                     // Beyond the largest distance is one class: the widest.
-                    let class = if squared == BEYOND {
-                        0
-                    } else {
-                        usize::from(field.reach_squared() - squared) + 1
-                    };
+                    let class = if squared == BEYOND { 0 } else { usize::from(field.reach_squared() - squared) + 1 };
                     if class >= count.len() {
                         count.resize(class + 1, 0);
                     }
                     count[class] += 1;
-                    spots.push((
-                        class as u32,
-                        Spot {
-                            cell: cell as u32,
-                            at: [x, y, z].map(|v| v as u16),
-                        },
-                    ));
+                    spots.push((class as u32, Spot { cell: cell as u32, at: [x, y, z].map(|v| v as u16) }));
                 }
             }
         }
@@ -100,13 +90,7 @@ impl<'a> Flood<'a> {
         for slot in &mut count {
             start += std::mem::replace(slot, start);
         }
-        let mut order = vec![
-            Spot {
-                cell: 0,
-                at: [0; 3]
-            };
-            spots.len()
-        ];
+        let mut order = vec![Spot { cell: 0, at: [0; 3] }; spots.len()];
         for (class, spot) in spots {
             let slot = &mut count[class as usize];
             order[*slot] = spot;
@@ -137,9 +121,7 @@ impl<'a> Flood<'a> {
         let floor = squared_clearance(self.config.min_clearance_m, field);
         let (first, end) = self.band_cells();
         let is_member = |cell: usize| {
-            (first..end).contains(&cell)
-                && field.state[cell] == Cell::Free
-                && field.squared[cell] >= floor
+            (first..end).contains(&cell) && field.state[cell] == Cell::Free && field.squared[cell] >= floor
         };
         let is_ridge = |cell: usize| is_member(cell) && basis_points(field, cell) >= 2;
         let mut best = is_member(home).then_some(home);
@@ -151,11 +133,7 @@ impl<'a> Flood<'a> {
                 break;
             }
             let mut next = None;
-            let mut top = if is_member(here) {
-                field.cell_distance(here)
-            } else {
-                0.0
-            };
+            let mut top = if is_member(here) { field.cell_distance(here) } else { 0.0 };
             for cell in self.box_around(here) {
                 if is_member(cell) && field.cell_distance(cell) > top {
                     top = field.cell_distance(cell);
@@ -174,9 +152,7 @@ impl<'a> Flood<'a> {
 
     fn box_around(&self, cell: usize) -> Vec<usize> {
         let at = self.field.coordinates(cell);
-        let range = |axis: usize| {
-            at[axis].saturating_sub(1)..=(at[axis] + 1).min(self.field.size[axis] - 1)
-        };
+        let range = |axis: usize| at[axis].saturating_sub(1)..=(at[axis] + 1).min(self.field.size[axis] - 1);
         let mut out = Vec::with_capacity(27);
         for z in range(2) {
             for y in range(1) {
@@ -191,14 +167,7 @@ impl<'a> Flood<'a> {
     fn open(&mut self, cell: usize, id: Option<PlaceId>) -> u32 {
         let label = self.seeds.len() as u32;
         let at = self.field.coordinates(cell).map(|v| v as i32);
-        self.seeds.push(Seed {
-            cell,
-            at,
-            id,
-            parent: label,
-            cells: 0,
-            frontier: 0,
-        });
+        self.seeds.push(Seed { cell, at, id, parent: label, cells: 0, frontier: 0 });
         self.label[cell] = label;
         label
     }
@@ -208,17 +177,8 @@ impl<'a> Flood<'a> {
         let field = self.field;
         let [nx, ny, _] = field.size;
         // Cells on the border of the grid are never free, so all six neighbours exist.
-        let sides = [
-            cell - 1,
-            cell + 1,
-            cell - nx,
-            cell + nx,
-            cell - nx * ny,
-            cell + nx * ny,
-        ];
-        let beside_unknown = sides[..4]
-            .iter()
-            .any(|other| field.state[*other] == Cell::Unknown);
+        let sides = [cell - 1, cell + 1, cell - nx, cell + nx, cell - nx * ny, cell + nx * ny];
+        let beside_unknown = sides[..4].iter().any(|other| field.state[*other] == Cell::Unknown);
         let mut touching = [NO_REGION; 6];
         let mut touched = 0;
         let mut last = NO_REGION;
@@ -237,10 +197,7 @@ impl<'a> Flood<'a> {
         let mut own = self.label[cell];
         if own == NO_REGION {
             let here = spot.at.map(i32::from);
-            let nearest = touching[..touched]
-                .iter()
-                .copied()
-                .min_by_key(|r| (self.gap(*r, here), *r));
+            let nearest = touching[..touched].iter().copied().min_by_key(|r| (self.gap(*r, here), *r));
             own = match nearest {
                 None => self.open(cell, None),
                 Some(region)
@@ -281,15 +238,11 @@ impl<'a> Flood<'a> {
         let (a, b) = (self.seeds[elder as usize], self.seeds[younger as usize]);
         let gap = (0..3).map(|k| (a.at[k] - b.at[k]).pow(2)).sum::<i32>();
         let lower = field.cell_distance(a.cell).min(field.cell_distance(b.cell));
-        let saddle_m = if saddle == BEYOND {
-            field.max_distance_m()
-        } else {
-            f64::from(saddle).sqrt() * field.resolution_m
-        };
+        let saddle_m =
+            if saddle == BEYOND { field.max_distance_m() } else { f64::from(saddle).sqrt() * field.resolution_m };
         let is_close = gap < squared_cells(self.config.merge_m, field) && saddle_m >= 0.8 * lower;
         // A rise of less than a cell above the saddle is noise of the grid, not a place of its own.
-        let is_noise = gap < squared_cells(self.config.spacing_m, field)
-            && lower - saddle_m < field.resolution_m;
+        let is_noise = gap < squared_cells(self.config.spacing_m, field) && lower - saddle_m < field.resolution_m;
         let was_told = a.id.is_some() && b.id.is_some();
         if is_close || is_noise && !was_told {
             self.seeds[younger as usize].parent = elder;
@@ -359,19 +312,14 @@ impl<'a> Flood<'a> {
         let rank_of: Vec<u32> = (0..self.seeds.len() as u32)
             .map(|label| {
                 let id = id_of[self.root(label) as usize];
-                id.and_then(|id| places.binary_search_by_key(&id, |p| p.id).ok())
-                    .map_or(NO_REGION, |r| r as u32)
+                id.and_then(|id| places.binary_search_by_key(&id, |p| p.id).ok()).map_or(NO_REGION, |r| r as u32)
             })
             .collect();
         let mut edges: Vec<PlaceEdge> = pairs
             .into_iter()
             .map(|((a, b), saddle)| {
                 let end = |label: u32| &places[rank_of[label as usize] as usize];
-                let (a, b) = if end(a).id < end(b).id {
-                    (end(a), end(b))
-                } else {
-                    (end(b), end(a))
-                };
+                let (a, b) = if end(a).id < end(b).id { (end(a), end(b)) } else { (end(b), end(a)) };
                 let saddle_m = if saddle == BEYOND {
                     field.max_distance_m()
                 } else {
@@ -401,8 +349,7 @@ impl<'a> Flood<'a> {
 /// Voronoi diagram of the obstacles (Lau, Sprunk and Burgard 2013). A cell beyond the largest distance has one.
 pub(crate) fn basis_points(field: &DistanceField, cell: usize) -> u8 {
     let at = field.coordinates(cell);
-    let vector =
-        |obstacle: [usize; 3]| Vector3::from_fn(|axis, _| obstacle[axis] as f64 - at[axis] as f64);
+    let vector = |obstacle: [usize; 3]| Vector3::from_fn(|axis, _| obstacle[axis] as f64 - at[axis] as f64);
     let Some(own) = field.obstacle_of(cell) else {
         return 1;
     };
@@ -417,10 +364,7 @@ pub(crate) fn basis_points(field: &DistanceField, cell: usize) -> u8 {
                 };
                 let v = vector(other);
                 let length = v.norm();
-                if length > 0.0
-                    && length <= limit
-                    && directions.iter().all(|d| d.dot(&v) < 0.5 * length)
-                {
+                if length > 0.0 && length <= limit && directions.iter().all(|d| d.dot(&v) < 0.5 * length) {
                     directions.push(v / length);
                 }
             }

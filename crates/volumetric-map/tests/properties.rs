@@ -3,15 +3,14 @@
 use nalgebra::{Point2, Point3};
 use proptest::prelude::*;
 use volumetric_map::{
-    Cell, DistanceField, LineOfSight, LoadError, Mesh, OccupancyGrid, PlaceConfig, PlaceEvent,
-    PlaceGraph, Volume, VolumeConfig, clearance, fill_islands,
+    Cell, DistanceField, LineOfSight, LoadError, Mesh, OccupancyGrid, PlaceConfig, PlaceEvent, PlaceGraph, Volume,
+    VolumeConfig, clearance, fill_islands,
 };
 
 /// A scan: a sensor position near the origin and points around, some of them hostile.
 fn scan() -> impl Strategy<Value = (Point3<f64>, Vec<Point3<f32>>)> {
     let coordinate = prop_oneof![8 => -2.0f32..2.0, 1 => Just(0.0f32), 1 => Just(0.05f32)];
-    let good = (coordinate.clone(), coordinate.clone(), coordinate)
-        .prop_map(|(x, y, z)| Point3::new(x, y, z));
+    let good = (coordinate.clone(), coordinate.clone(), coordinate).prop_map(|(x, y, z)| Point3::new(x, y, z));
     let bad = prop_oneof![
         Just(Point3::new(f32::NAN, 0.0, 0.0)),
         Just(Point3::new(f32::INFINITY, 1.0, 0.0)),
@@ -19,8 +18,7 @@ fn scan() -> impl Strategy<Value = (Point3<f64>, Vec<Point3<f32>>)> {
         Just(Point3::new(40.0, 0.0, 0.0)),
     ];
     let point = prop_oneof![20 => good, 1 => bad];
-    let origin =
-        (-0.5f64..0.5, -0.5f64..0.5, -0.5f64..0.5).prop_map(|(x, y, z)| Point3::new(x, y, z));
+    let origin = (-0.5f64..0.5, -0.5f64..0.5, -0.5f64..0.5).prop_map(|(x, y, z)| Point3::new(x, y, z));
     (origin, prop::collection::vec(point, 0..60))
 }
 
@@ -39,8 +37,7 @@ fn bytes_of(volume: &Volume) -> Vec<u8> {
 }
 
 fn grid() -> impl Strategy<Value = OccupancyGrid> {
-    let cell =
-        prop_oneof![6 => Just(Cell::Free), 2 => Just(Cell::Occupied), 1 => Just(Cell::Unknown)];
+    let cell = prop_oneof![6 => Just(Cell::Free), 2 => Just(Cell::Occupied), 1 => Just(Cell::Unknown)];
     (1usize..12, 1usize..12).prop_flat_map(move |(width, height)| {
         prop::collection::vec(cell.clone(), width * height).prop_map(move |cells| OccupancyGrid {
             origin: Point2::new(-1.0, 0.5),
@@ -177,38 +174,19 @@ mod volume {
     #[test]
     fn a_sensor_nowhere_is_an_error_and_changes_nothing() {
         let mut volume = Volume::new(VolumeConfig::default()).unwrap();
-        assert!(
-            volume
-                .integrate(
-                    &Point3::new(f64::NAN, 0.0, 0.0),
-                    &[Point3::new(1.0, 0.0, 0.0)]
-                )
-                .is_err()
-        );
+        assert!(volume.integrate(&Point3::new(f64::NAN, 0.0, 0.0), &[Point3::new(1.0, 0.0, 0.0)]).is_err());
         assert!(volume.integrate(&Point3::new(1e9, 0.0, 0.0), &[]).is_err());
         assert_eq!((volume.block_count(), volume.revision()), (0, 0));
-        assert_eq!(
-            volume.observe(&Point3::new(f64::NAN, 0.0, 0.0)),
-            Cell::Unknown
-        );
+        assert_eq!(volume.observe(&Point3::new(f64::NAN, 0.0, 0.0)), Cell::Unknown);
     }
 
     #[test]
     fn foreign_and_newer_files_are_named() {
-        assert!(matches!(
-            Volume::load(&b"hello"[..]),
-            Err(LoadError::NotAVolume)
-        ));
+        assert!(matches!(Volume::load(&b"hello"[..]), Err(LoadError::NotAVolume)));
         let mut bytes = bytes_of(&Volume::new(VolumeConfig::default()).unwrap());
         assert_eq!(Volume::load(&bytes[..]).unwrap().block_count(), 0);
         bytes[8] = 2;
-        assert!(matches!(
-            Volume::load(&bytes[..]),
-            Err(LoadError::NewerVersion {
-                found: 2,
-                supported: 1
-            })
-        ));
+        assert!(matches!(Volume::load(&bytes[..]), Err(LoadError::NewerVersion { found: 2, supported: 1 })));
     }
 
     #[test]
@@ -216,17 +194,8 @@ mod volume {
         let mut volume = Volume::new(VolumeConfig::default()).unwrap();
         assert_eq!(volume.slice(0.0, 1.0, None).cells.len(), 0);
         assert_eq!(volume.ground_grid(0.0, 0.1, 1.0).cells.len(), 0);
-        assert_eq!(
-            volume.slice(0.0, 1.0, Some([0.0, 0.0, 0.5, 1.0])).cells,
-            vec![Cell::Unknown; 200]
-        );
-        assert_eq!(
-            volume
-                .slice(0.0, 1.0, Some([1.0, 0.0, 0.5, 1.0]))
-                .cells
-                .len(),
-            0
-        );
+        assert_eq!(volume.slice(0.0, 1.0, Some([0.0, 0.0, 0.5, 1.0])).cells, vec![Cell::Unknown; 200]);
+        assert_eq!(volume.slice(0.0, 1.0, Some([1.0, 0.0, 0.5, 1.0])).cells.len(), 0);
         assert_eq!(volume.slice(f64::NAN, 1.0, None).cells.len(), 0);
         assert_eq!(volume.update_mesh().faces, 0);
         let mut field = DistanceField::new(0.1, 2.0);
@@ -234,16 +203,9 @@ mod volume {
         assert_eq!(field.distance(&Point3::origin()), None);
         assert_eq!(
             field.line_of_sight(&Point3::origin(), &Point3::origin(), 0.1),
-            LineOfSight::Unknown {
-                at: Point3::origin()
-            }
+            LineOfSight::Unknown { at: Point3::origin() }
         );
-        assert!(
-            PlaceGraph::new(PlaceConfig::default())
-                .unwrap()
-                .update(&field)
-                .is_empty()
-        );
+        assert!(PlaceGraph::new(PlaceConfig::default()).unwrap().update(&field).is_empty());
     }
 }
 
@@ -387,29 +349,20 @@ mod distance {
         let mut volume = Volume::new(VolumeConfig::default()).unwrap();
         for _ in 0..4 {
             volume
-                .integrate(
-                    &Point3::origin(),
-                    &[Point3::new(1.02, 0.02, 0.02), Point3::new(0.02, 1.52, 0.02)],
-                )
+                .integrate(&Point3::origin(), &[Point3::new(1.02, 0.02, 0.02), Point3::new(0.02, 1.52, 0.02)])
                 .unwrap();
         }
         let mut field = DistanceField::new(0.1, 2.0);
         field.update(&volume);
-        let inside =
-            field.occupied_points(&Point3::new(0.5, -0.5, -0.5), &Point3::new(1.4, 0.5, 0.5));
+        let inside = field.occupied_points(&Point3::new(0.5, -0.5, -0.5), &Point3::new(1.4, 0.5, 0.5));
         assert!(!inside.is_empty());
         for p in &inside {
             assert_eq!(field.state(p), Cell::Occupied);
             assert!(p.x > 0.9 && p.x < 1.3 && p.y.abs() < 0.15, "{p}");
         }
-        let all =
-            field.occupied_points(&Point3::new(-9.0, -9.0, -9.0), &Point3::new(9.0, 9.0, 9.0));
+        let all = field.occupied_points(&Point3::new(-9.0, -9.0, -9.0), &Point3::new(9.0, 9.0, 9.0));
         assert!(all.len() > inside.len());
-        assert!(
-            field
-                .occupied_points(&Point3::new(f64::NAN, 0.0, 0.0), &Point3::origin())
-                .is_empty()
-        );
+        assert!(field.occupied_points(&Point3::new(f64::NAN, 0.0, 0.0), &Point3::origin()).is_empty());
     }
 }
 
@@ -438,10 +391,7 @@ mod mesh {
         volume.vote_labels(&points.iter().map(|p| (*p, 7)).collect::<Vec<_>>());
         let delta = volume.update_mesh();
         let mesh = volume.mesh();
-        assert_eq!(
-            (delta.vertices, delta.removed.len()),
-            (mesh.vertices.len(), 0)
-        );
+        assert_eq!((delta.vertices, delta.removed.len()), (mesh.vertices.len(), 0));
         assert!(mesh.faces.len() > 1000, "{} faces", mesh.faces.len());
         let mut error = 0.0;
         for v in &mesh.vertices {
@@ -450,28 +400,16 @@ mod mesh {
         error /= mesh.vertices.len() as f32;
         assert!(error < 0.008, "mean distance to the plane {error}");
         let labelled = mesh.labels.iter().filter(|l| **l == 7).count();
-        assert!(
-            labelled * 10 > mesh.labels.len() * 9,
-            "{labelled} of {}",
-            mesh.labels.len()
-        );
+        assert!(labelled * 10 > mesh.labels.len() * 9, "{labelled} of {}", mesh.labels.len());
         let mut facing = 0;
         for face in &mesh.faces {
             let [a, b, c] = face.map(|v| mesh.vertices[v as usize]);
             facing += usize::from((b - a).cross(&(c - a)).dot(&-a.coords) > 0.0);
         }
-        assert!(
-            facing * 100 > mesh.faces.len() * 98,
-            "{facing} of {} face the sensor",
-            mesh.faces.len()
-        );
+        assert!(facing * 100 > mesh.faces.len() * 98, "{facing} of {} face the sensor", mesh.faces.len());
         // Nothing new: nothing to do. A block on its own is a part of the whole.
         assert!(volume.update_mesh().updated.is_empty());
-        let parts: usize = delta
-            .updated
-            .iter()
-            .map(|key| volume.block_mesh(*key).unwrap().faces.len())
-            .sum();
+        let parts: usize = delta.updated.iter().map(|key| volume.block_mesh(*key).unwrap().faces.len()).sum();
         assert_eq!(parts, mesh.faces.len());
     }
 
@@ -482,26 +420,16 @@ mod mesh {
             volume.integrate(&Point3::origin(), &wall(0.0)).unwrap();
         }
         volume.update_mesh();
-        let farther: Vec<_> = wall(0.0)
-            .iter()
-            .map(|p| Point3::new(p.x * 1.6, p.y * 1.6, p.z * 1.6))
-            .collect();
+        let farther: Vec<_> = wall(0.0).iter().map(|p| Point3::new(p.x * 1.6, p.y * 1.6, p.z * 1.6)).collect();
         for _ in 0..10 {
             volume.integrate(&Point3::origin(), &farther).unwrap();
         }
         let delta = volume.update_mesh();
         assert!(!delta.removed.is_empty() && !delta.updated.is_empty());
         let mesh = volume.mesh();
-        let left = mesh
-            .vertices
-            .iter()
-            .filter(|v| (v.x - 1.5).abs() < 0.2 && v.y.abs() < 0.9 && v.z.abs() < 0.9)
-            .count();
-        let new = mesh
-            .vertices
-            .iter()
-            .filter(|v| (v.x - 2.4).abs() < 0.05)
-            .count();
+        let left =
+            mesh.vertices.iter().filter(|v| (v.x - 1.5).abs() < 0.2 && v.y.abs() < 0.9 && v.z.abs() < 0.9).count();
+        let new = mesh.vertices.iter().filter(|v| (v.x - 2.4).abs() < 0.05).count();
         assert!(left * 100 <= new, "{left} left, {new} new");
     }
 
@@ -570,10 +498,7 @@ mod places {
                     PlaceEvent::Updated(p) => assert!(places.insert(p.id, p).is_some()),
                     PlaceEvent::Removed(id) => {
                         assert!(places.remove(&id).is_some());
-                        assert!(
-                            edges.keys().all(|(a, b)| *a != id && *b != id),
-                            "edges go before their places"
-                        );
+                        assert!(edges.keys().all(|(a, b)| *a != id && *b != id), "edges go before their places");
                     }
                     PlaceEvent::EdgeAdded(e) => {
                         assert!(places.contains_key(&e.a) && places.contains_key(&e.b));
@@ -592,26 +517,8 @@ mod places {
     #[test]
     fn settings_that_make_no_sense_are_refused() {
         let base = PlaceConfig::default;
-        assert!(
-            PlaceGraph::new(PlaceConfig {
-                spacing_m: f64::NAN,
-                ..base()
-            })
-            .is_err()
-        );
-        assert!(
-            PlaceGraph::new(PlaceConfig {
-                merge_m: 2.0,
-                ..base()
-            })
-            .is_err()
-        );
-        assert!(
-            PlaceGraph::new(PlaceConfig {
-                height_band_m: Some([1.0, 1.0]),
-                ..base()
-            })
-            .is_err()
-        );
+        assert!(PlaceGraph::new(PlaceConfig { spacing_m: f64::NAN, ..base() }).is_err());
+        assert!(PlaceGraph::new(PlaceConfig { merge_m: 2.0, ..base() }).is_err());
+        assert!(PlaceGraph::new(PlaceConfig { height_band_m: Some([1.0, 1.0]), ..base() }).is_err());
     }
 }

@@ -5,8 +5,7 @@ mod support;
 use nalgebra::{Isometry3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use support::{DOOR_HEIGHT, HEIGHT, Lidar, World, drive, in_world, pose};
 use volumetric_map::{
-    Cell, DistanceField, LineOfSight, OccupancyGrid, PlaceConfig, PlaceGraph, Volume, VolumeConfig,
-    clearance,
+    Cell, DistanceField, LineOfSight, OccupancyGrid, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance,
 };
 
 const LIDAR_HEIGHT: f64 = 0.61;
@@ -21,9 +20,7 @@ fn mapped(world: &World, way: &[[f64; 2]], step_m: f64) -> Volume {
     let mut lidar = Lidar::new(32, 512, NOISE_M, 1);
     for (pose, _) in drive(way, LIDAR_HEIGHT, step_m) {
         let points = in_world(&lidar.scan(world, &pose), &pose);
-        volume
-            .integrate(&pose.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&pose.translation.vector.into(), &points).unwrap();
     }
     volume
 }
@@ -44,9 +41,7 @@ fn ground_errors(world: &World, grid: &OccupancyGrid, tolerance: f64) -> (usize,
         for ix in 0..grid.width {
             let c = grid.center(ix, iy);
             match grid.get(ix, iy) {
-                Cell::Occupied if world.flat_distance(c.x, c.y, 0.1, 1.2) > tolerance => {
-                    sticking_out += 1
-                }
+                Cell::Occupied if world.flat_distance(c.x, c.y, 0.1, 1.2) > tolerance => sticking_out += 1,
                 // The table tops are left out: most of their underside, 9 cm above the sensor, is never hit by any ray.
                 Cell::Free if world.flat_distance(c.x, c.y, 0.1, 0.65) == 0.0 => eaten += 1,
                 _ => {}
@@ -72,35 +67,20 @@ fn walls_legs_and_doors_of_two_rooms_are_right() {
         }
     }
     for y in [0.5, 1.0, 1.4, 2.6, 3.0, 3.7] {
-        let is_closed = [4.975, 5.025, 5.075]
-            .iter()
-            .any(|x| grid.at(&Point2::new(*x, y)) == Cell::Occupied);
+        let is_closed = [4.975, 5.025, 5.075].iter().any(|x| grid.at(&Point2::new(*x, y)) == Cell::Occupied);
         assert!(is_closed, "wall at y = {y}");
     }
     // Every table leg is there.
-    for (x, y) in [
-        (0.95, 2.7),
-        (2.05, 2.7),
-        (0.95, 3.3),
-        (2.05, 3.3),
-        (7.45, 0.7),
-        (8.55, 0.7),
-        (7.45, 1.3),
-        (8.55, 1.3),
-    ] {
+    for (x, y) in
+        [(0.95, 2.7), (2.05, 2.7), (0.95, 3.3), (2.05, 3.3), (7.45, 0.7), (8.55, 0.7), (7.45, 1.3), (8.55, 1.3)]
+    {
         let c = [-0.02, 0.02];
-        let found = c.iter().any(|dx| {
-            c.iter()
-                .any(|dy| grid.at(&Point2::new(x + dx, y + dy)) == Cell::Occupied)
-        });
+        let found = c.iter().any(|dx| c.iter().any(|dy| grid.at(&Point2::new(x + dx, y + dy)) == Cell::Occupied));
         assert!(found, "leg at {x} {y}");
     }
     // The slice above the doors is closed there.
     let lintel = volume.slice(DOOR_HEIGHT + 0.05, HEIGHT - 0.1, None);
-    assert!(
-        (0..4).any(|k| lintel.at(&Point2::new(4.925 + 0.05 * f64::from(k), 2.0)) == Cell::Occupied),
-        "lintel"
-    );
+    assert!((0..4).any(|k| lintel.at(&Point2::new(4.925 + 0.05 * f64::from(k), 2.0)) == Cell::Occupied), "lintel");
 }
 
 #[test]
@@ -118,9 +98,7 @@ fn a_ghost_wall_is_gone_a_second_after_the_pose_was_corrected() {
     let ghosts = |volume: &Volume| {
         // Up to 1.2 m: what a ground robot meets.
         let mut count = 0;
-        for (z, y, x) in
-            (2..24).flat_map(|z| (2..79).flat_map(move |y| (2..98).map(move |x| (z, y, x))))
-        {
+        for (z, y, x) in (2..24).flat_map(|z| (2..79).flat_map(move |y| (2..98).map(move |x| (z, y, x)))) {
             let p = volume.voxel_center([x, y, z]);
             count += usize::from(volume.observe(&p) == Cell::Occupied && world.distance(&p) > 0.10);
         }
@@ -130,26 +108,15 @@ fn a_ghost_wall_is_gone_a_second_after_the_pose_was_corrected() {
     for k in 0..50 {
         let estimate = if k < 30 { wrong * sensor } else { sensor };
         let points = in_world(&lidar.scan(&world, &sensor), &estimate);
-        volume
-            .integrate(&estimate.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&estimate.translation.vector.into(), &points).unwrap();
         if k >= 29 {
             history.push(ghosts(&volume));
         }
     }
     // The tilted sensor sees each direction for about half of its two-second turn, so the last ones take that long.
-    assert!(
-        history[0] > 3000,
-        "the wrong pose makes ghosts: {history:?}"
-    );
-    assert!(
-        history[10] * 20 <= history[0],
-        "after a second at most a twentieth is left: {history:?}"
-    );
-    assert!(
-        history[15] * 100 <= history[0],
-        "after a second and a half at most a hundredth: {history:?}"
-    );
+    assert!(history[0] > 3000, "the wrong pose makes ghosts: {history:?}");
+    assert!(history[10] * 20 <= history[0], "after a second at most a twentieth is left: {history:?}");
+    assert!(history[15] * 100 <= history[0], "after a second and a half at most a hundredth: {history:?}");
 }
 
 #[test]
@@ -158,18 +125,13 @@ fn a_floor_seen_at_grazing_angles_and_both_walls_stay() {
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut lidar = Lidar::new(32, 512, NOISE_M, 3);
     // Drive down, then stand at the end and look back for four seconds.
-    let mut poses: Vec<_> = drive(&[[1.0, 1.0], [12.5, 1.0]], LIDAR_HEIGHT, 0.1)
-        .into_iter()
-        .map(|p| p.0)
-        .collect();
+    let mut poses: Vec<_> = drive(&[[1.0, 1.0], [12.5, 1.0]], LIDAR_HEIGHT, 0.1).into_iter().map(|p| p.0).collect();
     let check = |volume: &Volume| {
         let (mut floor, mut walls, mut cells) = (0, 0, 0);
         for k in 0..110 {
             let x = 1.5 + 0.1 * f64::from(k);
             let solid = |y: f64, z: f64, dy: f64, dz: f64| {
-                [-0.5, 0.5].iter().any(|s| {
-                    volume.observe(&Point3::new(x, y + s * dy, z + s * dz)) == Cell::Occupied
-                })
+                [-0.5, 0.5].iter().any(|s| volume.observe(&Point3::new(x, y + s * dy, z + s * dz)) == Cell::Occupied)
             };
             for j in 0..8 {
                 cells += 1;
@@ -181,27 +143,17 @@ fn a_floor_seen_at_grazing_angles_and_both_walls_stay() {
     };
     for pose in &poses {
         let points = in_world(&lidar.scan(&world, pose), pose);
-        volume
-            .integrate(&pose.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&pose.translation.vector.into(), &points).unwrap();
     }
     let before = check(&volume);
     poses = vec![pose(12.5, 1.0, LIDAR_HEIGHT, 3.0); 40];
     for pose in &poses {
         let points = in_world(&lidar.scan(&world, pose), pose);
-        volume
-            .integrate(&pose.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&pose.translation.vector.into(), &points).unwrap();
     }
     let after = check(&volume);
-    assert!(
-        before.0 * 100 >= 99 * before.2 && before.1 * 100 >= 99 * before.2,
-        "mapped: {before:?}"
-    );
-    assert!(
-        after.0 * 100 >= 99 * after.2 && after.1 * 100 >= 99 * after.2,
-        "kept: {after:?}"
-    );
+    assert!(before.0 * 100 >= 99 * before.2 && before.1 * 100 >= 99 * before.2, "mapped: {before:?}");
+    assert!(after.0 * 100 >= 99 * after.2 && after.1 * 100 >= 99 * after.2, "kept: {after:?}");
 }
 
 #[test]
@@ -210,20 +162,8 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut lidar = Lidar::new(32, 512, NOISE_M, 4);
     // Three times through the door and back: 40 m with 0.5 % of the way and 0.5 degrees per 10 m, as issue 2 has it.
-    let lap = [
-        [1.5, 1.2],
-        [3.5, 2.0],
-        [6.5, 2.0],
-        [8.0, 2.6],
-        [6.5, 2.0],
-        [3.5, 2.0],
-    ];
-    let way: Vec<[f64; 2]> = lap
-        .iter()
-        .cycle()
-        .take(3 * lap.len() + 1)
-        .copied()
-        .collect();
+    let lap = [[1.5, 1.2], [3.5, 2.0], [6.5, 2.0], [8.0, 2.6], [6.5, 2.0], [3.5, 2.0]];
+    let way: Vec<[f64; 2]> = lap.iter().cycle().take(3 * lap.len() + 1).copied().collect();
     let (mut doors, mut checks) = (0, 0);
     let (mut ghosts, mut cells) = (0, 0);
     let mut poses = drive(&way, LIDAR_HEIGHT, 0.12);
@@ -237,9 +177,7 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
         );
         let estimate = drift * sensor;
         let points = in_world(&lidar.scan(&world, &sensor), &estimate);
-        volume
-            .integrate(&estimate.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&estimate.translation.vector.into(), &points).unwrap();
         let is_end = step + 1 == driven + 15;
         if step % 20 != 19 && !is_end {
             continue;
@@ -261,9 +199,8 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
                 }
                 let in_true = back.rotation * ray;
                 let origin = sensor.translation.vector;
-                let is_visible = world
-                    .cast(&origin, &(in_true / length))
-                    .is_none_or(|(range, _)| range > length + 0.05);
+                let is_visible =
+                    world.cast(&origin, &(in_true / length)).is_none_or(|(range, _)| range > length + 0.05);
                 cells += usize::from(is_visible);
                 if is_visible && world.flat_distance(true_c.x, true_c.y, 0.1, 1.2) > 0.08 {
                     stick_out += 1;
@@ -271,10 +208,7 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
             }
         }
         ghosts += stick_out;
-        assert!(
-            !is_end || stick_out <= 2,
-            "ghost cells in view after standing still: {stick_out}"
-        );
+        assert!(!is_end || stick_out <= 2, "ghost cells in view after standing still: {stick_out}");
         if (sensor.translation.x - 5.0).abs() < 2.0 {
             checks += 1;
             let is_open = [-0.3, -0.15, 0.0, 0.15, 0.3].iter().all(|dy| {
@@ -285,15 +219,9 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
         }
     }
     assert!(checks >= 8);
-    assert_eq!(
-        doors, checks,
-        "the door was open whenever the robot was near it"
-    );
+    assert_eq!(doors, checks, "the door was open whenever the robot was near it");
     // What was seen long ago from another drift and comes into view again is wrong for the moment it takes to look at it.
-    assert!(
-        ghosts * 50 <= cells,
-        "{ghosts} ghost cells of {cells} in view"
-    );
+    assert!(ghosts * 50 <= cells, "{ghosts} ghost cells of {cells} in view");
 }
 
 #[test]
@@ -316,14 +244,8 @@ fn distances_sight_and_places_of_two_rooms_are_true() {
     }
     assert!(worst < 2.0 * cell, "worst distance error {worst}");
     let a = Point3::new(2.0, 2.0, 1.2);
-    assert_eq!(
-        field.line_of_sight(&a, &Point3::new(8.0, 2.0, 1.2), 0.1),
-        LineOfSight::Clear
-    );
-    let LineOfSight::Blocked { at } = field.line_of_sight(&a, &Point3::new(8.0, 3.6, 1.2), 0.1)
-    else {
-        panic!("wall")
-    };
+    assert_eq!(field.line_of_sight(&a, &Point3::new(8.0, 2.0, 1.2), 0.1), LineOfSight::Clear);
+    let LineOfSight::Blocked { at } = field.line_of_sight(&a, &Point3::new(8.0, 3.6, 1.2), 0.1) else { panic!("wall") };
     assert!((at.x - 5.0).abs() < 0.35, "{at}");
     let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
     let events = graph.update(&field);
@@ -331,10 +253,7 @@ fn distances_sight_and_places_of_two_rooms_are_true() {
     assert!(events.len() >= graph.places().len());
     for place in graph.places() {
         let truth = world.distance(&place.position).min(2.0);
-        assert!(
-            (place.clearance_m - truth).abs() <= cell,
-            "{place:?}, truth {truth}"
-        );
+        assert!((place.clearance_m - truth).abs() <= cell, "{place:?}, truth {truth}");
     }
     // Connected through the door: from the place of one room to the place of the other.
     let from = graph.place_at(&Point3::new(2.5, 2.0, 1.2)).unwrap();
@@ -367,14 +286,9 @@ fn place_ids_stay_while_the_robot_goes_on() {
     let mut field = DistanceField::new(0.10, 2.0);
     let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
     let mut history = Vec::new();
-    for (step, (pose, _)) in drive(&TWO_ROOMS_WAY, LIDAR_HEIGHT, 0.1)
-        .into_iter()
-        .enumerate()
-    {
+    for (step, (pose, _)) in drive(&TWO_ROOMS_WAY, LIDAR_HEIGHT, 0.1).into_iter().enumerate() {
         let points = in_world(&lidar.scan(&world, &pose), &pose);
-        volume
-            .integrate(&pose.translation.vector.into(), &points)
-            .unwrap();
+        volume.integrate(&pose.translation.vector.into(), &points).unwrap();
         if step % 5 == 4 {
             field.update(&volume);
             graph.update(&field);
@@ -385,17 +299,8 @@ fn place_ids_stay_while_the_robot_goes_on() {
     // Of the places known half-way, most are still there at the end under their own names.
     let (half, last) = (&history[history.len() / 2], history.last().unwrap());
     let kept = half.iter().filter(|id| last.contains(id)).count();
-    assert!(
-        kept * 10 >= half.len() * 7,
-        "{kept} of {} kept, {} at the end",
-        half.len(),
-        last.len()
-    );
-    assert!(
-        graph.places().len() < 120,
-        "{} places",
-        graph.places().len()
-    );
+    assert!(kept * 10 >= half.len() * 7, "{kept} of {} kept, {} at the end", half.len(), last.len());
+    assert!(graph.places().len() < 120, "{} places", graph.places().len());
 }
 
 #[test]

@@ -30,11 +30,7 @@ pub const DOOR_HEIGHT: f64 = 2.05;
 
 impl World {
     pub fn push(&mut self, min: [f64; 3], max: [f64; 3], label: u16) {
-        self.solids.push(Solid {
-            min: min.into(),
-            max: max.into(),
-            label,
-        });
+        self.solids.push(Solid { min: min.into(), max: max.into(), label });
     }
 
     /// A wall along x (or y) at the given coordinate, 0.10 m thick, with door openings [from, to].
@@ -57,19 +53,11 @@ impl World {
     }
 
     pub fn table(&mut self, x: f64, y: f64, lx: f64, ly: f64) {
-        self.push(
-            [x - lx / 2.0, y - ly / 2.0, 0.70],
-            [x + lx / 2.0, y + ly / 2.0, 0.74],
-            TABLE,
-        );
+        self.push([x - lx / 2.0, y - ly / 2.0, 0.70], [x + lx / 2.0, y + ly / 2.0, 0.74], TABLE);
         for sx in [-1.0, 1.0] {
             for sy in [-1.0, 1.0] {
                 let (cx, cy) = (x + sx * (lx / 2.0 - 0.05), y + sy * (ly / 2.0 - 0.05));
-                self.push(
-                    [cx - 0.025, cy - 0.025, 0.0],
-                    [cx + 0.025, cy + 0.025, 0.70],
-                    TABLE,
-                );
+                self.push([cx - 0.025, cy - 0.025, 0.0], [cx + 0.025, cy + 0.025, 0.70], TABLE);
             }
         }
     }
@@ -77,11 +65,7 @@ impl World {
     fn shell(x0: f64, y0: f64, x1: f64, y1: f64) -> Self {
         let mut world = Self::default();
         world.push([x0 - 1.0, y0 - 1.0, -0.2], [x1 + 1.0, y1 + 1.0, 0.0], FLOOR);
-        world.push(
-            [x0 - 1.0, y0 - 1.0, HEIGHT],
-            [x1 + 1.0, y1 + 1.0, HEIGHT + 0.2],
-            CEILING,
-        );
+        world.push([x0 - 1.0, y0 - 1.0, HEIGHT], [x1 + 1.0, y1 + 1.0, HEIGHT + 0.2], CEILING);
         world.wall(false, x0, y0 - 0.05, y1 + 0.05, &[]);
         world.wall(false, x1, y0 - 0.05, y1 + 0.05, &[]);
         world.wall(true, y0, x0 - 0.05, x1 + 0.05, &[]);
@@ -145,12 +129,7 @@ impl World {
 
     /// Exact distance of a point to the nearest solid; zero inside.
     pub fn distance(&self, p: &Point3<f64>) -> f64 {
-        let to = |s: &Solid| {
-            (s.min - p.coords)
-                .sup(&(p.coords - s.max))
-                .sup(&Vector3::zeros())
-                .norm()
-        };
+        let to = |s: &Solid| (s.min - p.coords).sup(&(p.coords - s.max)).sup(&Vector3::zeros()).norm();
         self.solids.iter().map(to).fold(f64::INFINITY, f64::min)
     }
 
@@ -172,11 +151,7 @@ impl World {
             let dy = (s.min.y - y).max(y - s.max.y).max(0.0);
             dx.hypot(dy)
         };
-        self.solids
-            .iter()
-            .filter(|s| s.max.z > low && s.min.z < high)
-            .map(|s| to(&s))
-            .fold(f64::INFINITY, f64::min)
+        self.solids.iter().filter(|s| s.max.z > low && s.min.z < high).map(|s| to(&s)).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -213,15 +188,8 @@ impl Lidar {
     }
 
     /// One scan (10 Hz) from the sensor's true pose: points in the sensor's gravity-aligned frame, with labels.
-    pub fn scan(
-        &mut self,
-        world: &World,
-        world_from_sensor: &Isometry3<f64>,
-    ) -> Vec<(Point3<f32>, u16)> {
-        let motor = Rotation3::from_axis_angle(
-            &Vector3::z_axis(),
-            self.motor_radps * 0.1 * f64::from(self.scans),
-        );
+    pub fn scan(&mut self, world: &World, world_from_sensor: &Isometry3<f64>) -> Vec<(Point3<f32>, u16)> {
+        let motor = Rotation3::from_axis_angle(&Vector3::z_axis(), self.motor_radps * 0.1 * f64::from(self.scans));
         let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
         self.scans += 1;
         let mut points = Vec::with_capacity(self.rings * self.columns);
@@ -230,16 +198,11 @@ impl Lidar {
             let azimuth = std::f64::consts::TAU * column as f64 / self.columns as f64;
             for ring in 0..self.rings {
                 let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * fov;
-                let ray = Vector3::new(
-                    elevation.cos() * azimuth.cos(),
-                    elevation.cos() * azimuth.sin(),
-                    elevation.sin(),
-                );
+                let ray =
+                    Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
                 let in_sensor = motor * tilt * ray;
                 let in_world = world_from_sensor.rotation * in_sensor;
-                let Some((range, label)) =
-                    world.cast(&world_from_sensor.translation.vector, &in_world)
-                else {
+                let Some((range, label)) = world.cast(&world_from_sensor.translation.vector, &in_world) else {
                     continue;
                 };
                 let noisy = range + self.noise_m * self.gauss();
@@ -252,20 +215,11 @@ impl Lidar {
 
 /// A level sensor pose.
 pub fn pose(x: f64, y: f64, z: f64, yaw_rad: f64) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad),
-    )
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad))
 }
 
-pub fn in_world(
-    points: &[(Point3<f32>, u16)],
-    world_from_sensor: &Isometry3<f64>,
-) -> Vec<Point3<f32>> {
-    points
-        .iter()
-        .map(|(p, _)| (world_from_sensor * p.cast::<f64>()).cast::<f32>())
-        .collect()
+pub fn in_world(points: &[(Point3<f32>, u16)], world_from_sensor: &Isometry3<f64>) -> Vec<Point3<f32>> {
+    points.iter().map(|(p, _)| (world_from_sensor * p.cast::<f64>()).cast::<f32>()).collect()
 }
 
 /// Poses every `step_m` along a way, looking ahead, with the length of the way so far.
@@ -278,10 +232,7 @@ pub fn drive(way: &[[f64; 2]], height: f64, step_m: f64) -> Vec<(Isometry3<f64>,
         let steps = (length / step_m).round().max(1.0) as usize;
         for k in 0..steps {
             let t = k as f64 / steps as f64;
-            out.push((
-                pose(leg[0][0] + t * dx, leg[0][1] + t * dy, height, dy.atan2(dx)),
-                travelled + t * length,
-            ));
+            out.push((pose(leg[0][0] + t * dx, leg[0][1] + t * dy, height, dy.atan2(dx)), travelled + t * length));
         }
         travelled += length;
     }
