@@ -3,13 +3,18 @@
 //! [`World::ray`] answers one ray; sensors take a [`Snapshot`] (the movers' poses at one time) and cast many. Every
 //! triangle of the world has one number, its *surface*: static triangles first, then those of each mover.
 
+mod check;
+mod facet;
+
+pub use check::WorldError;
+
 use crate::building::Building;
 use crate::bvh::{Bvh, RayStack};
 use crate::mesh::{InstanceId, Mover, TriangleMesh};
 use crate::noise::NoiseKey;
+use check::{check_mesh, check_mover};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
-use thiserror::Error;
 
 /// What a viewer would say about an instance. Instance 0 (the structure) needs no entry.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -22,43 +27,6 @@ pub struct Thing {
     pub color: String,
     /// A sentence or two about it.
     pub caption: String,
-}
-
-/// Why a world could not be made.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum WorldError {
-    /// `instances` or `colors` of a mesh has not one entry per face.
-    #[error("a mesh has {faces} faces but {entries} instances or colours")]
-    LengthsDiffer {
-        /// Number of faces.
-        faces: usize,
-        /// Number of entries of the shorter or longer list.
-        entries: usize,
-    },
-    /// A face names a vertex that is not there.
-    #[error("face {face} names a vertex beyond the end")]
-    VertexIndex {
-        /// Index of the face.
-        face: usize,
-    },
-    /// A vertex or a mover's pose is NaN or infinite.
-    #[error("a vertex or a pose is not finite")]
-    NotFinite,
-    /// A mover without a pose, or with stamps that do not grow.
-    #[error("the path of mover {instance} is empty or out of order")]
-    MoverPath {
-        /// Instance of the mover.
-        instance: InstanceId,
-    },
-    /// Two entries describe the same instance.
-    #[error("instance {instance} is described twice")]
-    DescribedTwice {
-        /// The instance.
-        instance: InstanceId,
-    },
-    /// More than 2^31 triangles.
-    #[error("too many triangles")]
-    TooLarge,
 }
 
 /// The first thing a ray meets.
@@ -437,45 +405,6 @@ impl Mover {
     }
 }
 
-fn check_mesh(mesh: &TriangleMesh) -> Result<(), WorldError> {
-    let faces = mesh.faces.len();
-    for entries in [mesh.instances.len(), mesh.colors.len()] {
-        if entries != faces {
-            return Err(WorldError::LengthsDiffer { faces, entries });
-        }
-    }
-    let count = mesh.vertices.len() as u32;
-    if let Some(face) = mesh
-        .faces
-        .iter()
-        .position(|f| f.iter().any(|&i| i >= count))
-    {
-        return Err(WorldError::VertexIndex { face });
-    }
-    if !mesh
-        .vertices
-        .iter()
-        .all(|v| v.iter().all(|x| x.is_finite()))
-    {
-        return Err(WorldError::NotFinite);
-    }
-    Ok(())
-}
-
-fn check_mover(mover: &Mover) -> Result<(), WorldError> {
-    check_mesh(&mover.mesh)?;
-    if mover.path.is_empty() || mover.path.windows(2).any(|w| w[0].0 >= w[1].0) {
-        return Err(WorldError::MoverPath {
-            instance: mover.instance,
-        });
-    }
-    let is_finite = |pose: &Isometry3<f64>| pose.to_homogeneous().iter().all(|x| x.is_finite());
-    if !mover.path.iter().all(|(_, pose)| is_finite(pose)) {
-        return Err(WorldError::NotFinite);
-    }
-    Ok(())
-}
-
 /// Appends the surfaces of a mesh; a mover's instance overrides that of its triangles.
 fn surfaces_of(
     mesh: &TriangleMesh,
@@ -543,46 +472,4 @@ fn faces_by_instance(
             .push(face);
     }
     faces
-}
-
-mod facet {
-    use super::InstanceId;
-    use nalgebra::{Point3, Vector3};
-    use std::collections::BTreeMap;
-
-    /// Numbers groups of coplanar triangles of one instance and colour. Planes are compared after rounding (1e-3 in the
-    /// normal, 1 mm in the offset): a group that rounding tears apart only costs a renderer a few more rays.
-    #[derive(Default)]
-    pub struct Facets {
-        mesh: u32,
-        known: BTreeMap<(u32, InstanceId, [u8; 3], [i32; 4]), u32>,
-    }
-
-    impl Facets {
-        /// Triangles of different meshes never share a facet.
-        pub fn next_mesh(&mut self) {
-            self.mesh += 1;
-        }
-
-        pub fn number(
-            &mut self,
-            instance: InstanceId,
-            color: [u8; 3],
-            normal: &Vector3<f32>,
-            corner: &Point3<f32>,
-        ) -> u32 {
-            let round = |x: f32| (x * 1000.0).round() as i32;
-            let plane = [
-                round(normal.x),
-                round(normal.y),
-                round(normal.z),
-                round(normal.dot(&corner.coords)),
-            ];
-            let next = self.known.len() as u32;
-            *self
-                .known
-                .entry((self.mesh, instance, color, plane))
-                .or_insert(next)
-        }
-    }
 }
