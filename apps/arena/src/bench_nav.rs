@@ -61,6 +61,7 @@ pub struct BenchNav {
 
 /// Draws and runs. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
 /// every run is written below it. Progress goes to stderr unless `is_quiet`.
+#[allow(clippy::too_many_arguments)] // one for each thing that decides the bench
 pub fn bench_nav(
     robot: &RobotModel,
     kind: RobotKind,

@@ -14,7 +14,7 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
-use mission::robot_model::{RobotKind, RobotModel};
+use mission::robot_model::RobotModel;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
@@ -42,7 +42,7 @@ pub struct RunConfig {
 
 impl RunConfig {
     /// Defaults with what the command line says.
-    pub fn new(options: &Options, _kind: RobotKind) -> Result<RunConfig> {
+    pub fn new(options: &Options) -> RunConfig {
         let mut config = RunConfig::default();
         config.max_time_s = options.max_time;
         config.simulation.is_lidar_fixed = options.lidar == LidarMount::Fixed;
@@ -50,7 +50,7 @@ impl RunConfig {
             (Some(url), Some(model)) => Some(ChatConfig::new(url, model)),
             _ => None,
         };
-        Ok(config)
+        config
     }
 }
 

@@ -150,6 +150,9 @@ fn read_step(part: &str, building: &Building) -> Result<StepTruth, TaskError> {
     let (phrase, room) = split_room(words);
     let room_ids = room.map(|name| rooms_called(&name, building));
     let (noun, relation) = split_relation(phrase);
+    for named in std::iter::once(&noun).chain(relation.as_ref().map(|(_, anchor)| anchor)) {
+        refuse_unknown_structure(named)?;
+    }
     let ids = building
         .objects
         .iter()
@@ -230,6 +233,18 @@ fn split_relation(words: &[&str]) -> (Vec<String>, Option<(TruthRelation, Vec<St
         return (owned(&words[..index]), Some((relation, owned(rest))));
     }
     (owned(words), None)
+}
+
+/// Words that give a sentence a structure which this grammar does not have; unknown things are fine, they are just not there.
+fn refuse_unknown_structure(words: &[String]) -> Result<(), TaskError> {
+    const BEYOND: [&str; 16] = [
+        "left", "right", "behind", "front", "between", "with", "without", "not", "nearest", "closest", "farthest",
+        "largest", "smallest", "facing", "that", "which",
+    ];
+    match words.iter().position(|word| BEYOND.contains(&word.as_str())) {
+        Some(at) => Err(TaskError::Beyond { words: words[at..].join(" ") }),
+        None => Ok(()),
+    }
 }
 
 fn strip_article<'a>(words: &'a [&'a str]) -> &'a [&'a str] {

@@ -47,7 +47,7 @@ pub struct MissionConfig {
     pub max_retries: usize,
     /// Height at which the aerial robot flies, above the floor, default 1.2 m.
     pub flight_height_m: f64,
-    /// Obstacles of the last scans are kept for this long, default 1.1 s: one turn of the LiDAR's motor shows all sides.
+    /// Obstacles of the last scans are kept for this long, default 2.1 s: one turn of the LiDAR's motor shows all sides.
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
     pub max_attempts: u32,
@@ -73,7 +73,7 @@ impl Default for MissionConfig {
             stop_distance_m: 0.85,
             max_retries: 3,
             flight_height_m: 1.2,
-            obstacle_memory_s: 1.1,
+            obstacle_memory_s: 2.1,
             max_attempts: 3,
         }
     }

@@ -20,7 +20,7 @@ impl Mission {
     /// One cycle at `now`: what the robot shall do until the next.
     pub fn cycle(&mut self, now: Stamp) -> Command {
         let t_s = self.seconds(now);
-        let Some(odometry) = self.world.odometry.clone() else { return self.body.idle() };
+        let Some(odometry) = self.world.odometry else { return self.body.idle() };
 
         // 1. Abstract: surface, distances, places, rooms, relations (III-B), twice a second.
         if t_s >= self.next_refresh_s {

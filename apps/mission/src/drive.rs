@@ -98,7 +98,10 @@ impl Drive {
             (off_m <= tolerance_m).then(|| navigation.route(&here, &nearest)).flatten().map(|route| route.points)
         });
         match way {
-            Some(points) => self.path = points,
+            Some(points) => {
+                self.attempts = 0;
+                self.path = points;
+            }
             None => {
                 self.attempts += 1;
                 if self.attempts >= self.config.max_attempts {

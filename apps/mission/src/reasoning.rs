@@ -119,6 +119,7 @@ pub struct Pending {
     answer: Waiting,
 }
 
+#[allow(clippy::large_enum_variant)] // there is one of it
 enum Waiting {
     /// The embedded reasoner has answered; the answer counts from this time on.
     Due(f64, Box<Answer>),
@@ -167,7 +168,10 @@ impl Mission {
                 return true;
             }
             GoalStatus::Failed(why) => {
+                // Counted once; the body stands until the next decision gives it another goal.
                 self.failed(why);
+                self.body.set_goal(Goal::Stay);
+                self.target = Target::None;
                 return true;
             }
             GoalStatus::Underway => {}
@@ -240,11 +244,8 @@ impl Mission {
             let at = place.position.xy();
             self.world.coverage.postpone(&at, until_s);
         }
-        let critique = Critique {
-            code: CritiqueCode::Unreachable,
-            message: format!("{action} failed: {why}"),
-            action: Some(action),
-        };
+        let critique =
+            Critique { code: CritiqueCode::Failed, message: format!("{action} failed: {why}"), action: Some(action) };
         let failure = Failure { critique, until_s, times };
         match index {
             Some(index) => self.memory.rejected[index] = failure,
@@ -454,7 +455,7 @@ impl Mission {
 
     /// What is known now, in the form that a reasoner may keep.
     fn snapshot(&mut self) -> Option<Snapshot> {
-        let odometry = self.world.odometry.clone()?;
+        let odometry = self.world.odometry?;
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         self.remember_room(&odometry.world_from_body);
         let now_s = self.seconds(odometry.stamp);

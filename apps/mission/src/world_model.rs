@@ -307,7 +307,7 @@ impl WorldModel {
 
     /// Twice a second: surface, distances, places, rooms, relations, ways.
     pub fn refresh(&mut self, now_s: f64, clock: &mut StageClock) {
-        let Some(odometry) = self.odometry.clone() else { return };
+        let Some(odometry) = self.odometry else { return };
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
         let events = clock.time("places", || self.places.update(&self.field));

@@ -101,6 +101,7 @@ pub mod shape;
 pub mod skeleton;
 pub mod small_things;
 pub mod stairs;
+pub mod touch;
 pub mod track;
 pub mod truth_relations;
 pub mod variations;
