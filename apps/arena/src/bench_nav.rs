@@ -86,7 +86,10 @@ pub fn bench_nav(
             bar.inc(1);
             bar.set_message(format!("{} right", done + usize::from(outcome.0.success)));
             if !is_quiet && !outcome.0.success {
-                bar.println(format!("run {index}: {} | \"{}\" | {}", outcome.0.scene, outcome.0.instruction, outcome.0.reason));
+                bar.println(format!(
+                    "run {index}: {} | \"{}\" | {}",
+                    outcome.0.scene, outcome.0.instruction, outcome.0.reason
+                ));
             }
             outcome
         })

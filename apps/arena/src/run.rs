@@ -140,8 +140,7 @@ pub fn run(
     } else {
         robot
     };
-    let referee =
-        Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
+    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
 
     // Both sides. Without a known map the frame of the odometry begins at the robot: where in the building that is,
     // nobody on the robot's side knows.
@@ -237,7 +236,11 @@ pub fn run(
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
-            if path_m.max(shortest_m) > 0.0 { shortest_m / path_m.max(shortest_m) } else { 1.0 }
+            if path_m.max(shortest_m) > 0.0 {
+                shortest_m / path_m.max(shortest_m)
+            } else {
+                1.0
+            }
         }
         _ => 0.0,
     };
@@ -296,8 +299,9 @@ fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, m
         None => (false, "The run ended before the robot decided anything.".into()),
         Some(Outcome::GaveUp { reason }) => (false, format!("The robot gave up: {reason}")),
         Some(Outcome::Stopped { target, .. }) => {
-            let wrong: Vec<usize> =
-                (0..task.steps.len()).filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done)).collect();
+            let wrong: Vec<usize> = (0..task.steps.len())
+                .filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done))
+                .collect();
             match wrong.first() {
                 None => (true, format!("The robot stopped at the right place ({target}).")),
                 Some(step) if task.steps.len() > 1 => {

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use mission::omni_perception::{
-    EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage, Rle,
-    Stamp, TrackingStatus,
+    EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
+    Rle, Stamp, TrackingStatus,
 };
 use mission::robot_model::RobotModel;
 use mission::stream::{Command, SensorEvent};
@@ -152,7 +152,11 @@ impl<'a> Simulation<'a> {
 
     /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery, and the time
     /// that each part of the simulation took.
-    pub fn advance(&mut self, command: &Command, step_ns: i64) -> Result<(Vec<SensorEvent>, Vec<(&'static str, Duration)>)> {
+    pub fn advance(
+        &mut self,
+        command: &Command,
+        step_ns: i64,
+    ) -> Result<(Vec<SensorEvent>, Vec<(&'static str, Duration)>)> {
         let mut events = Vec::new();
         let (mut physics, mut lidar, mut panorama) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
         let end_ns = self.now_ns + step_ns;

@@ -33,6 +33,9 @@ pub struct MissionConfig {
     pub reasoning_latency_s: f64,
     /// Two decisions are at least this far apart, default 1.0 s.
     pub decision_period_s: f64,
+    /// Standing before the thing it went to, the robot looks at it for this long before it decides, default 2.5 s: five
+    /// images from nearby.
+    pub close_look_s: f64,
     /// Labels wait so long for the scans around their image, default 0.4 s.
     pub label_delay_s: f64,
     /// ... and take points of scans at most this far from the image time, default 0.5 s.
@@ -64,6 +67,7 @@ impl Default for MissionConfig {
             first_look_s: 2.0,
             reasoning_latency_s: 0.2,
             decision_period_s: 1.0,
+            close_look_s: 2.5,
             label_delay_s: 0.4,
             label_window_s: 0.5,
             stop_distance_m: 0.85,

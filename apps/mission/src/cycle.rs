@@ -64,8 +64,7 @@ impl Mission {
         let pose = odometry.world_from_body;
         let distance_m = self.world.field.distance(&at);
         let body = &mut self.body;
-        let command =
-            self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
+        let command = self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
         if self.t_moved_s.is_none() && odometry.velocity_in_world_mps.norm() > 0.05 {
             self.t_moved_s = Some(odometry.stamp);
         }

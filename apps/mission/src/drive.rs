@@ -137,13 +137,8 @@ impl Drive {
             }
             _ => (Vec::new(), None),
         };
-        let local = self.policy.command(
-            (at.x, at.y, yaw_rad),
-            (velocity.x, velocity.y, velocity.z),
-            &path,
-            heading,
-            obstacles,
-        );
+        let local =
+            self.policy.command((at.x, at.y, yaw_rad), (velocity.x, velocity.y, velocity.z), &path, heading, obstacles);
         self.clearance_m = local.clearance_m;
         if self.status == GoalStatus::Underway {
             match local.status {

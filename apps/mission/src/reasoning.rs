@@ -8,9 +8,8 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use octant_prompt::{
-    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation,
-    SymbolicReasoner,
-    Estimate, TokenCounter, build_prompt_for, decide_with_critic,
+    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Estimate, Instruction, Prompt, Reasoner,
+    Situation, SymbolicReasoner, TokenCounter, build_prompt_for, decide_with_critic,
 };
 
 use octant_prompt::vocabulary::{Class, class_similarity};
@@ -90,10 +89,8 @@ impl Snapshot {
     /// Prompt, reasoner, critic: one decision on this snapshot.
     fn decide(&self, reasoner: &mut dyn Reasoner, critic: &Critic, config: &MissionConfig) -> Answer {
         self.with_situation(|situation| {
-            let prompt_config = octant_prompt::PromptConfig {
-                camera_height_m: self.camera_height_m,
-                ..config.prompt.clone()
-            };
+            let prompt_config =
+                octant_prompt::PromptConfig { camera_height_m: self.camera_height_m, ..config.prompt.clone() };
             let prompt = build_prompt_for(situation, &prompt_config, &Estimate);
             let record = decide_with_critic(
                 reasoner,
@@ -158,6 +155,14 @@ impl Mission {
         }
         match *self.body.status() {
             GoalStatus::Arrived => {
+                // Before a thing, the robot looks at it for a moment: a few more images settle its label and its place.
+                if self.stands_before_target && matches!(self.target, Target::Action(Action::GoNear(_))) {
+                    let since_s = *self.arrived_s.get_or_insert(t_s);
+                    if t_s - since_s < self.config.close_look_s {
+                        return false;
+                    }
+                }
+                self.arrived_s = None;
                 self.arrived();
                 return true;
             }
@@ -357,6 +362,7 @@ impl Mission {
                 }
                 match self.goal_of(&action) {
                     Some(goal) => {
+                        self.arrived_s = None;
                         self.body.set_goal(goal);
                         self.target = Target::Action(action);
                         let (body, world, clock) = (&mut self.body, &self.world, &mut self.journal.clock);
@@ -390,7 +396,11 @@ impl Mission {
                     &|eye, thing| self.world.is_clear(eye, thing),
                 );
                 if let Some(stand) = stand {
-                    return Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) });
+                    return Some(Goal::Reach {
+                        target: stand.at,
+                        tolerance_m: 0.2,
+                        heading_rad: Some(stand.heading_rad),
+                    });
                 }
                 // Not enough of the floor is known there yet: as near as can be, and look again.
                 const LOOK_FROM_M: f64 = 4.0;
@@ -459,9 +469,8 @@ impl Mission {
             .filter(|object| {
                 let distance_m = floor_distance_m(&object.bounds, &here);
                 let has_arrived = self.memory.inspected.contains(&object.id);
-                let is_visible = || {
-                    self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds))
-                };
+                let is_visible =
+                    || self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds));
                 // Behind clutter in the same room is as good as visible, behind a wall is not.
                 let is_in_my_room = || object.room.is_some() && object.room == my_room;
                 let limit_m = if has_arrived { BEST_EFFORT_M } else { self.config.stop_distance_m };

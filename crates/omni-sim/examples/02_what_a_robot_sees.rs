@@ -39,25 +39,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     // 2. A robot: a box with a footprint. It starts in the largest room, where nothing is in its way.
     let trunk = CollisionShape {
         body_from_shape: Isometry3::identity(),
-        geometry: ShapeGeometry::Box {
-            half_m: Vector3::new(0.35, 0.16, 0.2),
-        },
+        geometry: ShapeGeometry::Box { half_m: Vector3::new(0.35, 0.16, 0.2) },
     };
     let mut contacts = ContactWorld::new(&world, &[trunk], &[])?;
-    let room = building
-        .rooms
-        .iter()
-        .max_by(|a, b| a.area_m2().total_cmp(&b.area_m2()))
-        .ok_or("no room")?;
+    let room = building.rooms.iter().max_by(|a, b| a.area_m2().total_cmp(&b.area_m2())).ok_or("no room")?;
     let config = GroundBaseConfig::default();
     let height = room.floor_z_m + config.stance_height_m;
     let free = (0..400).find_map(|i| {
         // Outwards from the middle of the room in a spiral.
         let (radius, angle) = (0.1 * f64::from(i).sqrt(), 2.4 * f64::from(i));
-        let (x, y) = (
-            room.center().x + radius * angle.cos(),
-            room.center().y + radius * angle.sin(),
-        );
+        let (x, y) = (room.center().x + radius * angle.cos(), room.center().y + radius * angle.sin());
         let wide = Isometry3::translation(x, y, height);
         contacts.contacts(&wide, 0).is_empty().then_some((x, y))
     });
@@ -66,10 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut base = GroundBase::new(config, 0, (x, y, 0.3), room.floor_z_m)?;
 
     // 3. It walks ahead until it touches something, and a second longer.
-    let ahead = VelocityCommand {
-        forward_mps: 0.6,
-        ..VelocityCommand::default()
-    };
+    let ahead = VelocityCommand { forward_mps: 0.6, ..VelocityCommand::default() };
     let mut counter = TouchCounter::new(0.5);
     let mut steps_left = 50;
     while steps_left > 0 && base.state().stamp_ns < 30 * SECOND {
@@ -79,14 +67,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let (_, end_ns) = base.span_ns();
     for touch in counter.touches() {
-        let name = world
-            .thing(touch.instance)
-            .map_or("the structure", |t| &t.class);
-        println!(
-            "After {:.2} s it touches {name}, {:.1} mm deep.",
-            touch.stamp_ns as f64 * 1e-9,
-            1e3 * touch.depth_m
-        );
+        let name = world.thing(touch.instance).map_or("the structure", |t| &t.class);
+        println!("After {:.2} s it touches {name}, {:.1} mm deep.", touch.stamp_ns as f64 * 1e-9, 1e3 * touch.depth_m);
     }
     let speed = base.velocity().forward_mps;
     println!("A second later it wants 0.6 m/s and makes {speed:.2} m/s.");
@@ -97,9 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for i in 0..=end_ns / 5_000_000 {
         forces.push(imu.sample(&base, i * 5_000_000)?.specific_force_mps2.z);
     }
-    let (low, high) = forces
-        .iter()
-        .fold((f64::MAX, f64::MIN), |(l, h), f| (l.min(*f), h.max(*f)));
+    let (low, high) = forces.iter().fold((f64::MAX, f64::MIN), |(l, h), f| (l.min(*f), h.max(*f)));
     println!("The accelerometer's z read {low:.1} to {high:.1} m/s^2 around 9.81.");
 
     // 5. The LiDAR measures while it moves: freeze the pose at the scan's start and the points are off.
@@ -116,10 +96,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             (own - place(start_ns) * point).norm()
         })
         .fold(0.0, f64::max);
-    println!(
-        "A scan has {} points; without deskewing the worst is off by {off:.2} m.",
-        record.points.len()
-    );
+    println!("A scan has {} points; without deskewing the worst is off by {off:.2} m.", record.points.len());
 
     // 6. The panorama and what a segmenter makes of it.
     let camera = Isometry3::translation(0.0, 0.0, 0.42);
@@ -136,17 +113,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     // 7. The same without noise: what it missed or made up.
-    let quiet = SegmenterConfig {
-        noise_scale: 0.0,
-        ..segmenter
-    };
+    let quiet = SegmenterConfig { noise_scale: 0.0, ..segmenter };
     let (honest, _) = capture_with_truth(&world, &base, &camera, &view, &quiet, start_ns)?;
     println!("Without noise there are {} masks.", honest.masks.len());
 
-    let file = args.get(1).map_or_else(
-        || std::env::temp_dir().join("omni-sim-panorama.ppm"),
-        |f| f.into(),
-    );
+    let file = args.get(1).map_or_else(|| std::env::temp_dir().join("omni-sim-panorama.ppm"), |f| f.into());
     std::fs::write(&file, outlined(&picture))?;
     println!("The picture is in {}.", file.display());
 
@@ -162,9 +133,7 @@ fn outlined(picture: &PanoramaRecord) -> Vec<u8> {
     for mask in &picture.masks {
         let runs = mask.counts.iter().enumerate();
         // COCO: column-major, zeros first.
-        let inside: Vec<bool> = runs
-            .flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n as usize))
-            .collect();
+        let inside: Vec<bool> = runs.flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n as usize)).collect();
         for x in 1..width {
             for y in 1..height {
                 let at = x * height + y;

@@ -44,8 +44,7 @@ impl Stage {
 fn main() {
     let world = World::flat();
     let mut lidar = Lidar::new(32, 1024, 0.015, 7);
-    let way =
-        [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
+    let way = [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut field = DistanceField::new(0.1, 2.0);
     let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
@@ -64,9 +63,19 @@ fn main() {
             ground.time(|| clearance(&volume.ground_grid(0.0, 0.1, 1.2), true));
         }
     }
-    println!("{points_total} points; {} blocks, {:.1} MB; {} places", volume.block_count(), volume.memory_bytes() as f64 * 1e-6, graph.places().len());
+    println!(
+        "{points_total} points; {} blocks, {:.1} MB; {} places",
+        volume.block_count(),
+        volume.memory_bytes() as f64 * 1e-6,
+        graph.places().len()
+    );
     let updates = distance.samples.len();
-    println!("a 2 Hz update: {} blocks meshed, {} cells changed, {} lines", remeshed / updates, changed / updates, lines / updates);
+    println!(
+        "a 2 Hz update: {} blocks meshed, {} cells changed, {} lines",
+        remeshed / updates,
+        changed / updates,
+        lines / updates
+    );
     integrate.print("integrate");
     distance.print("distance field");
     mesh.print("mesh");

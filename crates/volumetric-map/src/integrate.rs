@@ -60,12 +60,17 @@ impl Volume {
     ) -> Result<IntegrationReport, IntegrationError> {
         let scale = 1.0 / self.config.voxel_m;
         let origin = origin_in_world.coords * scale;
-        if origin.iter().any(|q| !(q.abs() < MAX_VOXEL_INDEX / 4.0)) {
+        if origin.iter().any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0) {
             return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
         self.revision += 1;
         let blocks_before = self.blocks.len();
-        let mut scan = Scan { report: IntegrationReport::default(), touched: Vec::new(), origin, last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE) };
+        let mut scan = Scan {
+            report: IntegrationReport::default(),
+            touched: Vec::new(),
+            origin,
+            last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE),
+        };
         let rays = self.mark_returns(points_in_world, &mut scan);
         for ray in &rays {
             if let Some(end) = ray.end {
@@ -110,7 +115,8 @@ impl Volume {
             let direction = offset / range;
             let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
             let end: [i32; 3] = tip.map(floor).into();
-            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
+            let is_turn =
+                (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
             if range > far {
                 scan.report.beyond_range += 1;
                 if is_turn {
@@ -217,7 +223,9 @@ impl Volume {
         for axis in 0..3 {
             let mut rise = [0.0; 2];
             for (side, rise) in rise.iter_mut().enumerate() {
-                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else { continue };
+                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else {
+                    continue;
+                };
                 if block.scan == self.revision && contains(&block.hit, local) {
                     return false;
                 }
@@ -245,8 +253,9 @@ impl Volume {
     fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
         let mut other = voxel;
         other[axis] += if side == 1 { 1 } else { -1 };
-        let id = if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
-        (id != NONE).then(|| (&*self.blocks[id as usize], local_of(other)))
+        let id =
+            if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
+        (id != NONE).then(|| (&self.blocks[id as usize], local_of(other)))
     }
 
     /// Step 3.
@@ -255,13 +264,13 @@ impl Volume {
             let block = &mut self.blocks[*id as usize];
             let mut cleared = 0;
             let mut layers = [false; 8];
-            for z in 0..8 {
+            for (z, layer) in layers.iter_mut().enumerate() {
                 let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
                 if marked & block.occupied[z] != 0 {
                     block.surface_revision = self.revision;
                 }
                 cleared += marked.count_ones() as usize;
-                layers[z] = marked != 0;
+                *layer = marked != 0;
                 while marked != 0 {
                     let local = z * 64 + marked.trailing_zeros() as usize;
                     marked &= marked - 1;

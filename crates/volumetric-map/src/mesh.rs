@@ -96,7 +96,9 @@ impl Volume {
         let mut mesh = Mesh::default();
         let mut number = FxHashMap::default();
         for quad in &part.quads {
-            let Some(corners) = self.quad_cells(key, quad) else { continue };
+            let Some(corners) = self.quad_cells(key, quad) else {
+                continue;
+            };
             let corners = corners.map(|(rank, slot)| {
                 *number.entry((rank, slot)).or_insert_with(|| {
                     let source = &self.mesh_cache.parts[rank].1;
@@ -136,7 +138,9 @@ impl Volume {
         let mut part = MeshPart::default();
         let corner_blocks: [Option<&Block>; 8] =
             std::array::from_fn(|k| self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2)));
-        let Some(patch) = Patch::of(&corner_blocks) else { return part };
+        let Some(patch) = Patch::of(&corner_blocks) else {
+            return part;
+        };
         let voxel = self.config.voxel_m;
         let first = key.first_voxel();
         for z in 0..8usize {
@@ -194,7 +198,9 @@ fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
     for corner in 0..8usize {
         let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
         let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
-        let Some(votes) = block.and_then(|b| b.votes.as_ref()) else { continue };
+        let Some(votes) = block.and_then(|b| b.votes.as_ref()) else {
+            continue;
+        };
         let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
         if votes.count[i] == 0 {
             continue;
@@ -365,7 +371,9 @@ impl MeshCache {
     }
 
     fn remove(&mut self, key: BlockKey) -> bool {
-        let Some(rank) = self.rank.remove(&key.packed()) else { return false };
+        let Some(rank) = self.rank.remove(&key.packed()) else {
+            return false;
+        };
         self.parts.swap_remove(rank);
         if let Some((moved, _)) = self.parts.get(rank) {
             self.rank.insert(moved.packed(), rank);
