@@ -43,14 +43,17 @@ pub struct RunConfig {
 impl RunConfig {
     /// Defaults with what the command line says.
     pub fn new(options: &Options) -> RunConfig {
-        let mut config = RunConfig::default();
-        config.max_time_s = options.max_time;
-        config.simulation.is_lidar_fixed = options.lidar == LidarMount::Fixed;
-        config.llm = match (&options.llm, &options.model) {
+        let llm = match (&options.llm, &options.model) {
             (Some(url), Some(model)) => Some(ChatConfig::new(url, model)),
             _ => None,
         };
-        config
+        let is_lidar_fixed = options.lidar == LidarMount::Fixed;
+        RunConfig {
+            max_time_s: options.max_time,
+            simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
+            llm,
+            ..RunConfig::default()
+        }
     }
 }
 

@@ -267,7 +267,7 @@ fn is_called(object: &ObjectTruth, words: &[String]) -> bool {
             if object.color != grey(first) {
                 return false;
             }
-        } else if !(is_material && !names_class) {
+        } else if !is_material || names_class {
             break;
         }
         noun = &noun[1..];

@@ -16,12 +16,15 @@ const CLIMB_MPS: f64 = 0.5;
 /// Fraction of the yaw-rate limit used: a slow turn disturbs the LiDAR least.
 const YAW_PART: f64 = 0.5;
 
+/// Obstacle points in a box, given by its low and its high corner.
+type ObstaclesIn<'a> = dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>> + 'a;
+
 /// What the flyer needs to see of the map.
 pub struct AirSpace<'a> {
     /// Distance to the nearest obstacle, `None` where nobody has looked.
     pub distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
     /// Surface points in a box.
-    pub obstacles: &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+    pub obstacles: &'a ObstaclesIn<'a>,
 }
 
 /// Phase of a flight.

@@ -54,10 +54,7 @@ impl Bvh {
             return None;
         }
         let ray = Ray::new(origin, direction);
-        let mut best = TriangleHit {
-            distance: max_distance,
-            triangle: NO_TRIANGLE,
-        };
+        let mut best = TriangleHit { distance: max_distance, triangle: NO_TRIANGLE };
         let stack = &mut stack.0;
         stack.clear();
         let mut current = 0;
@@ -132,11 +129,7 @@ impl Ray {
         // A zero component would give 0 * infinity = NaN for an origin on a slab; a tiny one gives 0.
         let inverse = [0, 1, 2].map(|k| {
             let d = direction[k];
-            1.0 / if d.abs() < 1e-20 {
-                1e-20_f32.copysign(d)
-            } else {
-                d
-            }
+            1.0 / if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d }
         });
         Ray {
             origin: [0, 1, 2].map(|k| Vec4::splat(origin[k])),
@@ -189,11 +182,7 @@ impl Leaf {
         // Moeller-Trumbore: solve origin + t d = corner + u e1 + v e2 by Cramer's rule.
         let p = cross(&ray.direction, &self.edge2);
         let inverse = Vec4::ONE / dot(&self.edge1, &p);
-        let s = [
-            ray.origin[0] - self.corner[0],
-            ray.origin[1] - self.corner[1],
-            ray.origin[2] - self.corner[2],
-        ];
+        let s = [ray.origin[0] - self.corner[0], ray.origin[1] - self.corner[1], ray.origin[2] - self.corner[2]];
         let u = dot(&s, &p) * inverse;
         let q = cross(&s, &self.edge1);
         let v = dot(&ray.direction, &q) * inverse;
@@ -214,10 +203,7 @@ impl Leaf {
             // Ties go to the lower index; the bound itself (no triangle yet) is exclusive.
             let is_tie = t == best.distance && best.triangle != NO_TRIANGLE;
             if t < best.distance || (is_tie && triangle < best.triangle) {
-                *best = TriangleHit {
-                    distance: t,
-                    triangle,
-                };
+                *best = TriangleHit { distance: t, triangle };
             }
         }
     }
@@ -225,11 +211,7 @@ impl Leaf {
 
 #[inline(always)]
 fn cross(a: &[Vec4; 3], b: &[Vec4; 3]) -> [Vec4; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
@@ -256,10 +238,8 @@ mod tests {
         let (v, f) = square();
         let bvh = Bvh::build(&v, &f);
         let mut stack = RayStack::default();
-        let mut hit = |d: [f32; 3], max| {
-            bvh.cast(&Point3::origin(), &Vector3::from(d), max, &mut stack)
-                .map(|h| h.distance)
-        };
+        let mut hit =
+            |d: [f32; 3], max| bvh.cast(&Point3::origin(), &Vector3::from(d), max, &mut stack).map(|h| h.distance);
         assert_eq!(hit([1.0, 0.0, 0.0], 10.0), Some(2.0)); // on the diagonal both triangles share
         assert_eq!(hit([2.0, 0.5, -0.5], 10.0), Some(1.0)); // direction of length > 1
         assert_eq!(hit([-1.0, 0.0, 0.0], 10.0), None);
@@ -271,10 +251,7 @@ mod tests {
     fn nothing_is_hit_in_an_empty_or_flat_set() {
         let mut stack = RayStack::default();
         let x = Vector3::x();
-        assert_eq!(
-            Bvh::build(&[], &[]).cast(&Point3::origin(), &x, 9.0, &mut stack),
-            None
-        );
+        assert_eq!(Bvh::build(&[], &[]).cast(&Point3::origin(), &x, 9.0, &mut stack), None);
         let (v, _) = square();
         let no_area = Bvh::build(&v, &[[0, 0, 1], [1, 1, 1]]);
         assert_eq!(no_area.cast(&Point3::origin(), &x, 9.0, &mut stack), None);

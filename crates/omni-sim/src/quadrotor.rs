@@ -44,15 +44,9 @@ impl Quadrotor {
         if !state.is_finite() || !rotor_speed_radps.is_finite() {
             return Err(QuadrotorError::NotFinite);
         }
-        let inverse_inertia = config
-            .inertia_kgm2
-            .try_inverse()
-            .ok_or(QuadrotorError::Config)?;
-        let rotor_speeds_radps = config
-            .rotors
-            .iter()
-            .map(|r| rotor_speed_radps.clamp(0.0, r.max_speed_radps))
-            .collect();
+        let inverse_inertia = config.inertia_kgm2.try_inverse().ok_or(QuadrotorError::Config)?;
+        let rotor_speeds_radps =
+            config.rotors.iter().map(|r| rotor_speed_radps.clamp(0.0, r.max_speed_radps)).collect();
         Ok(Quadrotor {
             config,
             inverse_inertia,
@@ -114,20 +108,10 @@ impl Quadrotor {
     }
 
     /// One piece, up to `end_ns`.
-    fn advance(
-        &mut self,
-        end_ns: i64,
-        commands: &[f64],
-        contacts: Option<&mut ContactWorld>,
-    ) -> Vec<Contact> {
+    fn advance(&mut self, end_ns: i64, commands: &[f64], contacts: Option<&mut ContactWorld>) -> Vec<Contact> {
         let start_ns = self.track.end_ns();
         let h = (end_ns - start_ns) as f64 * 1e-9;
-        for ((speed, command), rotor) in self
-            .rotor_speeds_radps
-            .iter_mut()
-            .zip(commands)
-            .zip(&self.config.rotors)
-        {
+        for ((speed, command), rotor) in self.rotor_speeds_radps.iter_mut().zip(commands).zip(&self.config.rotors) {
             let command = command.clamp(0.0, rotor.max_speed_radps);
             let constant = match command > *speed {
                 true => rotor.time_constant_up_s,
@@ -139,9 +123,7 @@ impl Quadrotor {
         let start = self.state;
         let acceleration = start.acceleration_world;
         let turn = start.angular_acceleration_body;
-        let predicted = self
-            .piece(start_ns, end_ns, &acceleration, &turn)
-            .at(end_ns);
+        let predicted = self.piece(start_ns, end_ns, &acceleration, &turn).at(end_ns);
         let touched = match contacts {
             Some(world) => world.contacts(&predicted.world_from_body, end_ns),
             None => Vec::new(),
@@ -155,13 +137,7 @@ impl Quadrotor {
     }
 
     /// The piece that starts with the present state and ends with these accelerations.
-    fn piece(
-        &self,
-        start_ns: i64,
-        end_ns: i64,
-        acceleration: &Vector3<f64>,
-        turn: &Vector3<f64>,
-    ) -> Piece {
+    fn piece(&self, start_ns: i64, end_ns: i64, acceleration: &Vector3<f64>, turn: &Vector3<f64>) -> Piece {
         let h = (end_ns - start_ns) as f64 * 1e-9;
         let state = &self.state;
         let position = [0, 1, 2].map(|k| {
@@ -187,20 +163,13 @@ impl Quadrotor {
             start_ns,
             duration_ns: end_ns - start_ns,
             position,
-            turn: Turn::Exponential {
-                start: state.world_from_body.rotation,
-                vector,
-            },
+            turn: Turn::Exponential { start: state.world_from_body.rotation, vector },
             vibration: None,
         }
     }
 
     /// Acceleration of the body's origin (world) and angular acceleration (body) in a state, by Newton and Euler.
-    fn accelerations(
-        &self,
-        state: &KinematicState,
-        contacts: &[Contact],
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    fn accelerations(&self, state: &KinematicState, contacts: &[Contact]) -> (Vector3<f64>, Vector3<f64>) {
         let config = &self.config;
         let rotation = state.world_from_body.rotation;
         let rate = state.angular_velocity_body;
@@ -217,14 +186,9 @@ impl Quadrotor {
         // Many points carry together what four would: else a flat foot would be stiffer than a pointed one.
         let share = 4.0 / contacts.len().max(4) as f64;
         for contact in contacts {
-            let arm = state
-                .world_from_body
-                .inverse_transform_point(&contact.point)
-                .coords
-                - center;
+            let arm = state.world_from_body.inverse_transform_point(&contact.point).coords - center;
             let speed = velocity + rate.cross(&(arm));
-            let push =
-                rotation.inverse() * self.contact_force(contact, &(rotation * speed)) * share;
+            let push = rotation.inverse() * self.contact_force(contact, &(rotation * speed)) * share;
             force += push;
             moment += arm.cross(&push);
         }
@@ -253,16 +217,12 @@ impl Quadrotor {
         if self.config.vibration_m == 0.0 {
             return None;
         }
-        let mean =
-            self.rotor_speeds_radps.iter().sum::<f64>() / self.rotor_speeds_radps.len() as f64;
+        let mean = self.rotor_speeds_radps.iter().sum::<f64>() / self.rotor_speeds_radps.len() as f64;
         // Follows the mean speed within 20 ms, smoothly enough for a second derivative.
         let phase = Cubic::reaching(self.shake, 50.0 * (mean - self.shake.rate), h);
         self.shake = phase.at(h);
         self.shake.value = self.shake.value.rem_euclid(std::f64::consts::TAU);
-        Some(Vibration {
-            amplitude_m: self.config.vibration_m,
-            phase,
-        })
+        Some(Vibration { amplitude_m: self.config.vibration_m, phase })
     }
 }
 
@@ -281,11 +241,7 @@ mod tests {
     use super::*;
 
     fn calm() -> QuadrotorConfig {
-        QuadrotorConfig {
-            vibration_m: 0.0,
-            drag_ns_per_m: Vector3::zeros(),
-            ..QuadrotorConfig::x500()
-        }
+        QuadrotorConfig { vibration_m: 0.0, drag_ns_per_m: Vector3::zeros(), ..QuadrotorConfig::x500() }
     }
 
     #[test]
@@ -293,8 +249,7 @@ mod tests {
         let config = calm();
         let hover = config.hover_speed_radps();
         assert!((hover - 769.5).abs() < 0.5, "{hover}"); // sqrt(2.0643 * 9.81 / (4 * 8.54858e-6))
-        let mut robot =
-            Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 1.0), hover).unwrap();
+        let mut robot = Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 1.0), hover).unwrap();
         for _ in 0..10 {
             robot.step(0.1, &[hover; 4], None).unwrap();
         }
@@ -304,8 +259,7 @@ mod tests {
 
     #[test]
     fn falls_without_thrust() {
-        let mut robot =
-            Quadrotor::new(calm(), 0, Isometry3::translation(0.0, 0.0, 10.0), 0.0).unwrap();
+        let mut robot = Quadrotor::new(calm(), 0, Isometry3::translation(0.0, 0.0, 10.0), 0.0).unwrap();
         robot.step(1.0, &[0.0; 4], None).unwrap();
         // The first millisecond ramps the acceleration from rest to g: g/2 * (1 - h + h^2/3).
         let drop = 10.0 - robot.state().world_from_body.translation.z;
@@ -317,13 +271,7 @@ mod tests {
         let config = calm();
         let hover = config.hover_speed_radps();
         let mut robot = Quadrotor::new(config, 0, Isometry3::identity(), hover).unwrap();
-        robot
-            .step(
-                0.2,
-                &[hover + 20.0, hover + 20.0, hover - 20.0, hover - 20.0],
-                None,
-            )
-            .unwrap();
+        robot.step(0.2, &[hover + 20.0, hover + 20.0, hover - 20.0, hover - 20.0], None).unwrap();
         let rate = robot.state().angular_velocity_body;
         assert!(rate.z < -0.05 && rate.xy().norm() < 1e-9, "{rate}");
     }
@@ -337,12 +285,8 @@ mod tests {
         let mut robot = Quadrotor::new(config, 0, Isometry3::identity(), 0.0).unwrap();
         // About the middle axis: tumbles (Dzhanibekov).
         robot.state.angular_velocity_body = Vector3::new(0.05, 6.0, 0.02);
-        let momentum =
-            |s: &KinematicState| s.world_from_body.rotation * (inertia * s.angular_velocity_body);
-        let energy = |s: &KinematicState| {
-            s.angular_velocity_body
-                .dot(&(inertia * s.angular_velocity_body))
-        };
+        let momentum = |s: &KinematicState| s.world_from_body.rotation * (inertia * s.angular_velocity_body);
+        let energy = |s: &KinematicState| s.angular_velocity_body.dot(&(inertia * s.angular_velocity_body));
         let before = robot.state();
         robot.step(1.0, &[0.0; 4], None).unwrap();
         robot.step(1.0, &[0.0; 4], None).unwrap();
@@ -355,22 +299,10 @@ mod tests {
     fn bad_input_is_refused() {
         let mut robot = Quadrotor::new(calm(), 0, Isometry3::identity(), 0.0).unwrap();
         let short = robot.step(0.01, &[1.0; 3], None).unwrap_err();
-        assert_eq!(
-            short,
-            QuadrotorError::CommandLength {
-                given: 3,
-                rotors: 4
-            }
-        );
-        assert_eq!(
-            robot.step(0.01, &[f64::NAN; 4], None),
-            Err(QuadrotorError::NotFinite)
-        );
+        assert_eq!(short, QuadrotorError::CommandLength { given: 3, rotors: 4 });
+        assert_eq!(robot.step(0.01, &[f64::NAN; 4], None), Err(QuadrotorError::NotFinite));
         assert_eq!(robot.step(-1.0, &[0.0; 4], None), Err(QuadrotorError::Step));
-        let flat = QuadrotorConfig {
-            inertia_kgm2: Matrix3::zeros(),
-            ..calm()
-        };
+        let flat = QuadrotorConfig { inertia_kgm2: Matrix3::zeros(), ..calm() };
         assert_eq!(flat.validate(), Err(QuadrotorError::Config));
     }
 }

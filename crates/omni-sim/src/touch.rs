@@ -15,21 +15,14 @@ pub struct TouchCounter {
 impl TouchCounter {
     /// A counter; half a second is a usual `release_s`.
     pub fn new(release_s: f64) -> Self {
-        TouchCounter {
-            release_s,
-            ..TouchCounter::default()
-        }
+        TouchCounter { release_s, ..TouchCounter::default() }
     }
 
     /// Takes the contacts of one step; returns how many new touches there are among them.
     pub fn observe(&mut self, contacts: &[Contact]) -> usize {
         let before = self.touches.len();
         for contact in contacts {
-            match self
-                .last
-                .iter_mut()
-                .find(|(instance, _)| *instance == contact.instance)
-            {
+            match self.last.iter_mut().find(|(instance, _)| *instance == contact.instance) {
                 Some((_, stamp_ns)) => {
                     if (contact.stamp_ns - *stamp_ns) as f64 * 1e-9 >= self.release_s {
                         self.touches.push(*contact);

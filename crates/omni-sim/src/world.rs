@@ -93,27 +93,19 @@ pub(crate) struct Extent {
 impl World {
     /// Checks the input and builds the trees (about 100 ms for 50 000 triangles). Movers with one key pose never move:
     /// their triangles are added to the static mesh.
-    pub fn new(
-        mut static_mesh: TriangleMesh,
-        movers: Vec<Mover>,
-        mut things: Vec<Thing>,
-    ) -> Result<World, WorldError> {
+    pub fn new(mut static_mesh: TriangleMesh, movers: Vec<Mover>, mut things: Vec<Thing>) -> Result<World, WorldError> {
         check_mesh(&static_mesh)?;
         movers.iter().try_for_each(check_mover)?;
         things.sort_by_key(|t| t.instance);
         if let Some(pair) = things.windows(2).find(|w| w[0].instance == w[1].instance) {
-            return Err(WorldError::DescribedTwice {
-                instance: pair[0].instance,
-            });
+            return Err(WorldError::DescribedTwice { instance: pair[0].instance });
         }
-        let total =
-            static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
+        let total = static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
         if total >= 1 << 31 {
             return Err(WorldError::TooLarge);
         }
 
-        let (still, movers): (Vec<Mover>, Vec<Mover>) =
-            movers.into_iter().partition(|m| m.path.len() == 1);
+        let (still, movers): (Vec<Mover>, Vec<Mover>) = movers.into_iter().partition(|m| m.path.len() == 1);
         still.iter().for_each(|mover| bake(mover, &mut static_mesh));
 
         let mut facets = facet::Facets::default();
@@ -125,12 +117,7 @@ impl World {
             .map(|mover| {
                 let first_surface = surfaces.len() as u32;
                 let (center, radius) = ball_of(&mover.mesh);
-                surfaces_of(
-                    &mover.mesh,
-                    Some(mover.instance),
-                    &mut facets,
-                    &mut surfaces,
-                );
+                surfaces_of(&mover.mesh, Some(mover.instance), &mut facets, &mut surfaces);
                 MovingMesh {
                     bvh: Bvh::build(&mover.mesh.vertices, &mover.mesh.faces),
                     center,
@@ -140,14 +127,7 @@ impl World {
                 }
             })
             .collect();
-        let mut world = World {
-            static_mesh,
-            static_bvh,
-            movers: moving,
-            things,
-            surfaces,
-            extents: Vec::new(),
-        };
+        let mut world = World { static_mesh, static_bvh, movers: moving, things, surfaces, extents: Vec::new() };
         world.extents = world.measure_extents();
         Ok(world)
     }
@@ -160,11 +140,7 @@ impl World {
             color: object.color.clone(),
             caption: object.caption.clone(),
         });
-        World::new(
-            building.mesh.clone(),
-            building.movers.clone(),
-            things.collect(),
-        )
+        World::new(building.mesh.clone(), building.movers.clone(), things.collect())
     }
 
     /// First thing along `direction` (any length but zero) within `max_distance_m`, with the movers where they are at
@@ -181,18 +157,10 @@ impl World {
             return None;
         }
         let snapshot = self.at(stamp_ns);
-        let (distance, surface) = snapshot.cast(
-            &origin.cast(),
-            &unit.cast(),
-            max_distance_m as f32,
-            &mut RayStack::default(),
-        )?;
+        let (distance, surface) =
+            snapshot.cast(&origin.cast(), &unit.cast(), max_distance_m as f32, &mut RayStack::default())?;
         let normal: Vector3<f64> = snapshot.normal(surface).cast();
-        let facing = if normal.dot(&unit) > 0.0 {
-            -normal
-        } else {
-            normal
-        };
+        let facing = if normal.dot(&unit) > 0.0 { -normal } else { normal };
         Some(Hit {
             distance_m: f64::from(distance),
             point: origin + unit * f64::from(distance),
@@ -203,13 +171,7 @@ impl World {
     }
 
     /// Whether nothing lies on the segment from `from` to `to`, apart from a hand's breadth (`slack_m`) before `to`.
-    pub fn is_clear(
-        &self,
-        from: &Point3<f64>,
-        to: &Point3<f64>,
-        slack_m: f64,
-        stamp_ns: i64,
-    ) -> bool {
+    pub fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>, slack_m: f64, stamp_ns: i64) -> bool {
         let step = to - from;
         let length = step.norm();
         length <= slack_m || self.ray(from, &step, length - slack_m, stamp_ns).is_none()
@@ -224,10 +186,7 @@ impl World {
                 .iter()
                 .map(|moving| {
                     let pose: Isometry3<f32> = moving.mover.pose_at(stamp_ns).cast();
-                    PosedMover {
-                        center: pose * moving.center,
-                        pose,
-                    }
+                    PosedMover { center: pose * moving.center, pose }
                 })
                 .collect(),
         }
@@ -272,9 +231,7 @@ impl World {
     }
 
     fn extents_of(&self, mesh: &TriangleMesh, mover: Option<usize>, extents: &mut Vec<Extent>) {
-        for (instance, faces) in
-            faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance))
-        {
+        for (instance, faces) in faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance)) {
             if instance == 0 {
                 continue;
             }
@@ -285,22 +242,12 @@ impl World {
                 high = high.sup(&mesh.vertices[corner as usize]);
             }
             let class = self.thing(instance).map_or("", |t| t.class.as_str());
-            let start = mover.map_or(Vector3::zeros(), |m| {
-                self.movers[m].mover.path[0].1.translation.vector
-            });
+            let start = mover.map_or(Vector3::zeros(), |m| self.movers[m].mover.path[0].1.translation.vector);
             let center: Vector3<f64> = nalgebra::center(&low, &high).coords.cast() + start;
             let noise = center
                 .iter()
-                .fold(NoiseKey::new(0).with_text(class), |key, x| {
-                    key.with((x * 1000.0).round() as i64 as u64)
-                });
-            extents.push(Extent {
-                instance,
-                mover,
-                low,
-                high,
-                noise,
-            });
+                .fold(NoiseKey::new(0).with_text(class), |key, x| key.with((x * 1000.0).round() as i64 as u64));
+            extents.push(Extent { instance, mover, low, high, noise });
         }
     }
 }
@@ -339,18 +286,12 @@ impl Snapshot<'_> {
             let to_center = posed.center - origin;
             let along = to_center.dot(direction);
             let beside = (to_center - direction * along).norm_squared();
-            if beside > moving.radius * moving.radius
-                || along < -moving.radius
-                || along - moving.radius > limit
-            {
+            if beside > moving.radius * moving.radius || along < -moving.radius || along - moving.radius > limit {
                 continue;
             }
             let local_origin = posed.pose.inverse_transform_point(origin);
             let local_direction = posed.pose.inverse_transform_vector(direction);
-            if let Some(hit) = moving
-                .bvh
-                .cast(&local_origin, &local_direction, limit, stack)
-            {
+            if let Some(hit) = moving.bvh.cast(&local_origin, &local_direction, limit, stack) {
                 best = Some((hit.distance, hit.triangle + moving.first_surface));
             }
         }
@@ -364,11 +305,7 @@ impl Snapshot<'_> {
         if (surface as usize) < self.world.static_mesh.faces.len() {
             return normal;
         }
-        let mover = self
-            .world
-            .movers
-            .partition_point(|m| m.first_surface <= surface)
-            - 1;
+        let mover = self.world.movers.partition_point(|m| m.first_surface <= surface) - 1;
         self.movers[mover].pose * normal
     }
 
@@ -387,10 +324,7 @@ impl Mover {
     /// before the first and after the last.
     pub fn pose_at(&self, stamp_ns: i64) -> Isometry3<f64> {
         let next = self.path.partition_point(|(stamp, _)| *stamp <= stamp_ns);
-        match (
-            next.checked_sub(1).map(|i| &self.path[i]),
-            self.path.get(next),
-        ) {
+        match (next.checked_sub(1).map(|i| &self.path[i]), self.path.get(next)) {
             (None, Some((_, first))) => *first,
             (Some((_, last)), None) => *last,
             (Some((t0, before)), Some((t1, after))) => {
@@ -415,18 +349,10 @@ fn surfaces_of(
     facets.next_mesh();
     for (face, corners) in mesh.faces.iter().enumerate() {
         let [a, b, c] = corners.map(|i| mesh.vertices[i as usize]);
-        let normal = (b - a)
-            .cross(&(c - a))
-            .try_normalize(0.0)
-            .unwrap_or_else(Vector3::z);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let instance = mover.unwrap_or(mesh.instances[face]);
         let color = mesh.colors[face];
-        surfaces.push(Surface {
-            normal,
-            instance,
-            facet: facets.number(instance, color, &normal, &a),
-            color,
-        });
+        surfaces.push(Surface { normal, instance, facet: facets.number(instance, color, &normal, &a), color });
     }
 }
 
@@ -435,12 +361,10 @@ fn bake(mover: &Mover, mesh: &mut TriangleMesh) {
     let base = mesh.vertices.len() as u32;
     let pose = &mover.path[0].1;
     let placed = mover.mesh.vertices.iter();
-    mesh.vertices
-        .extend(placed.map(|v| (pose * v.cast::<f64>()).cast::<f32>()));
+    mesh.vertices.extend(placed.map(|v| (pose * v.cast::<f64>()).cast::<f32>()));
     let faces = mover.mesh.faces.iter();
     mesh.faces.extend(faces.map(|f| f.map(|i| base + i)));
-    mesh.instances
-        .extend(std::iter::repeat_n(mover.instance, mover.mesh.faces.len()));
+    mesh.instances.extend(std::iter::repeat_n(mover.instance, mover.mesh.faces.len()));
     mesh.colors.extend_from_slice(&mover.mesh.colors);
 }
 
@@ -453,23 +377,14 @@ fn ball_of(mesh: &TriangleMesh) -> (Point3<f32>, f32) {
     let high = mesh.vertices.iter().fold(*first, |a, b| a.sup(b));
     let center = nalgebra::center(&low, &high);
     let reach = |v: &Point3<f32>| (v - center).norm();
-    (
-        center,
-        mesh.vertices.iter().map(reach).fold(0.0, f32::max) * 1.0001,
-    )
+    (center, mesh.vertices.iter().map(reach).fold(0.0, f32::max) * 1.0001)
 }
 
 /// Faces of each instance, by instance.
-fn faces_by_instance(
-    mesh: &TriangleMesh,
-    mover: Option<InstanceId>,
-) -> BTreeMap<InstanceId, Vec<usize>> {
+fn faces_by_instance(mesh: &TriangleMesh, mover: Option<InstanceId>) -> BTreeMap<InstanceId, Vec<usize>> {
     let mut faces: BTreeMap<InstanceId, Vec<usize>> = BTreeMap::new();
     for (face, &instance) in mesh.instances.iter().enumerate() {
-        faces
-            .entry(mover.unwrap_or(instance))
-            .or_default()
-            .push(face);
+        faces.entry(mover.unwrap_or(instance)).or_default().push(face);
     }
     faces
 }

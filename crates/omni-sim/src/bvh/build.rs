@@ -31,11 +31,7 @@ impl Bounds {
     /// Half of the surface; 0 for an empty box.
     fn area(&self) -> f32 {
         let d = self.high - self.low;
-        if d.x < 0.0 {
-            0.0
-        } else {
-            d.x * d.y + d.y * d.z + d.z * d.x
-        }
+        if d.x < 0.0 { 0.0 } else { d.x * d.y + d.y * d.z + d.z * d.x }
     }
 }
 
@@ -46,16 +42,8 @@ struct Item {
 }
 
 enum Binary {
-    Inner {
-        bounds: Bounds,
-        left: usize,
-        right: usize,
-    },
-    Leaf {
-        bounds: Bounds,
-        from: usize,
-        to: usize,
-    },
+    Inner { bounds: Bounds, left: usize, right: usize },
+    Leaf { bounds: Bounds, from: usize, to: usize },
 }
 
 impl Binary {
@@ -73,11 +61,7 @@ pub(super) fn build(vertices: &[Point3<f32>], faces: &[[u32; 3]]) -> Bvh {
         if corners.iter().all(|c| c.iter().all(|x| x.is_finite())) {
             let mut bounds = Bounds::EMPTY;
             corners.iter().for_each(|c| bounds.grow(c));
-            items.push(Item {
-                bounds,
-                center: (bounds.low + bounds.high) * 0.5,
-                triangle: triangle as u32,
-            });
+            items.push(Item { bounds, center: (bounds.low + bounds.high) * 0.5, triangle: triangle as u32 });
         }
     }
     let mut bvh = Bvh::default();
@@ -111,11 +95,7 @@ fn split(items: &mut [Item], from: usize, to: usize, binary: &mut Vec<Binary>) -
     };
     let left = split(items, from, middle, binary);
     let right = split(items, middle, to, binary);
-    binary.push(Binary::Inner {
-        bounds,
-        left,
-        right,
-    });
+    binary.push(Binary::Inner { bounds, left, right });
     binary.len() - 1
 }
 
@@ -227,10 +207,7 @@ fn fold(
 /// Four boxes turned inside out: no ray enters them.
 fn empty_node() -> Node {
     let side = [Vec4::splat(f32::INFINITY), Vec4::splat(f32::NEG_INFINITY)];
-    Node {
-        bounds: [side; 3],
-        child: [0; WIDTH],
-    }
+    Node { bounds: [side; 3], child: [0; WIDTH] }
 }
 
 fn leaf_of(items: &[Item], vertices: &[Point3<f32>], faces: &[[u32; 3]]) -> Leaf {

@@ -100,10 +100,6 @@ impl GroundBaseConfig {
             && self.stride_hz <= 10.0
             && self.pitch_rad < 0.5
             && self.roll_rad < 0.5;
-        if good {
-            Ok(())
-        } else {
-            Err(GroundBaseError::Config)
-        }
+        if good { Ok(()) } else { Err(GroundBaseError::Config) }
     }
 }

@@ -110,20 +110,12 @@ impl QuadrotorConfig {
             && not_negative(self.contact_stiffness)
             && not_negative(self.contact_damping)
             && not_negative(self.contact_friction);
-        if good {
-            Ok(())
-        } else {
-            Err(QuadrotorError::Config)
-        }
+        if good { Ok(()) } else { Err(QuadrotorError::Config) }
     }
 
     /// Rotor speed at which equal rotors carry the weight; may be above the highest speed.
     pub fn hover_speed_radps(&self) -> f64 {
-        let lift: f64 = self
-            .rotors
-            .iter()
-            .map(|r| r.thrust_coefficient_n_s2 * r.axis.z)
-            .sum();
+        let lift: f64 = self.rotors.iter().map(|r| r.thrust_coefficient_n_s2 * r.axis.z).sum();
         (self.mass_kg * self.gravity_mps2 / lift.max(1e-12)).sqrt()
     }
 }

@@ -50,18 +50,10 @@ pub fn check_mesh(mesh: &TriangleMesh) -> Result<(), WorldError> {
         }
     }
     let count = mesh.vertices.len() as u32;
-    if let Some(face) = mesh
-        .faces
-        .iter()
-        .position(|f| f.iter().any(|&i| i >= count))
-    {
+    if let Some(face) = mesh.faces.iter().position(|f| f.iter().any(|&i| i >= count)) {
         return Err(WorldError::VertexIndex { face });
     }
-    if !mesh
-        .vertices
-        .iter()
-        .all(|v| v.iter().all(|x| x.is_finite()))
-    {
+    if !mesh.vertices.iter().all(|v| v.iter().all(|x| x.is_finite())) {
         return Err(WorldError::NotFinite);
     }
     Ok(())
@@ -71,9 +63,7 @@ pub fn check_mesh(mesh: &TriangleMesh) -> Result<(), WorldError> {
 pub fn check_mover(mover: &Mover) -> Result<(), WorldError> {
     check_mesh(&mover.mesh)?;
     if mover.path.is_empty() || mover.path.windows(2).any(|w| w[0].0 >= w[1].0) {
-        return Err(WorldError::MoverPath {
-            instance: mover.instance,
-        });
+        return Err(WorldError::MoverPath { instance: mover.instance });
     }
     let is_finite = |pose: &Isometry3<f64>| pose.to_homogeneous().iter().all(|x| x.is_finite());
     if !mover.path.iter().all(|(_, pose)| is_finite(pose)) {

@@ -18,24 +18,10 @@ impl Facets {
         self.mesh += 1;
     }
 
-    pub fn number(
-        &mut self,
-        instance: InstanceId,
-        color: [u8; 3],
-        normal: &Vector3<f32>,
-        corner: &Point3<f32>,
-    ) -> u32 {
+    pub fn number(&mut self, instance: InstanceId, color: [u8; 3], normal: &Vector3<f32>, corner: &Point3<f32>) -> u32 {
         let round = |x: f32| (x * 1000.0).round() as i32;
-        let plane = [
-            round(normal.x),
-            round(normal.y),
-            round(normal.z),
-            round(normal.dot(&corner.coords)),
-        ];
+        let plane = [round(normal.x), round(normal.y), round(normal.z), round(normal.dot(&corner.coords))];
         let next = self.known.len() as u32;
-        *self
-            .known
-            .entry((self.mesh, instance, color, plane))
-            .or_insert(next)
+        *self.known.entry((self.mesh, instance, color, plane)).or_insert(next)
     }
 }
