@@ -32,8 +32,10 @@ use crate::scenario::Scene;
 
 /// The time line: seconds since the mission began.
 const TIME_LINE: &str = "sim_time";
-/// Surfaces higher than this above the floor are kept apart, and hidden at first: a ceiling hides everything else.
-const CUT_M: f64 = 1.9;
+/// Surfaces higher than this above the floor are kept apart, and hidden at first: ceiling and walls hide everything else.
+const CUT_M: f64 = 1.3;
+/// Least brightness of an object's colour channels: labels have the colour of their box, and the viewer is dark.
+const LEAST_CHANNEL: u8 = 80;
 /// At most so many steps in which the way grows; a step holds the whole way so far.
 const GROWTH_STEPS: usize = 300;
 /// Points of the growing way are at least this far apart.
@@ -187,7 +189,7 @@ fn log_objects(recording: &RecordingStream, world: &WorldModel, nouns: &[String]
             objects.iter().map(|object| <[f64; 3]>::from(object.bounds.sides_m() * 0.5)),
         )
         .with_colors(objects.iter().map(|object| {
-            let [r, g, b] = object.color.unwrap_or([150, 150, 150]);
+            let [r, g, b] = object.color.unwrap_or([150, 150, 150]).map(|channel| channel.max(LEAST_CHANNEL));
             Color::from_rgb(r, g, b)
         }))
         .with_radii(objects.iter().map(|object| if is_named(object) { 0.025_f32 } else { 0.008 }))
