@@ -32,8 +32,8 @@ use crate::scenario::Scene;
 
 /// The time line: seconds since the mission began.
 const TIME_LINE: &str = "sim_time";
-/// Surfaces higher than this above the floor are kept apart, and hidden at first: a ceiling hides everything else.
-const CUT_M: f64 = 1.9;
+/// Surfaces higher than this above the floor are kept apart, and hidden at first: ceiling and walls hide everything else.
+const CUT_M: f64 = 1.3;
 /// At most so many steps in which the way grows; a step holds the whole way so far.
 const GROWTH_STEPS: usize = 300;
 /// Points of the growing way are at least this far apart.
@@ -43,6 +43,7 @@ const START: Color = Color(Rgba32(0x1A7F_37FF));
 const WAY: Color = Color(Rgba32(0x3C82_EBFF));
 const TARGET: Color = Color(Rgba32(0xDC1E_1EFF));
 const FRONTIER: Color = Color(Rgba32(0xE07B_00FF));
+const NAME: Color = Color(Rgba32(0xE6E6_E6FF));
 const GREY: Color = Color(Rgba32(0x9696_96FF));
 
 /// Writes the recording of a run to `path`.
@@ -174,7 +175,7 @@ fn color_of(name: &str) -> Color {
     Color::from_rgb(channel(0.0), channel(4.0), channel(2.0))
 }
 
-/// Objects as boxes in their own colours; those that the instruction names have thicker edges.
+/// Objects as boxes in their own colours; those that the instruction names have thicker edges and orange names.
 fn log_objects(recording: &RecordingStream, world: &WorldModel, nouns: &[String]) -> Result<()> {
     let is_named = |object: &Object| nouns.iter().any(|noun| object.label.contains(noun.as_str()));
     for (path, is_confirmed) in [("map/objects/confirmed", true), ("map/objects/unconfirmed", false)] {
@@ -191,9 +192,16 @@ fn log_objects(recording: &RecordingStream, world: &WorldModel, nouns: &[String]
             Color::from_rgb(r, g, b)
         }))
         .with_radii(objects.iter().map(|object| if is_named(object) { 0.025_f32 } else { 0.008 }))
-        .with_labels(objects.iter().map(|object| object.label.clone()))
-        .with_show_labels(true);
+        .with_labels(objects.iter().map(|object| format!("{} {}: {}", object.id, object.label, object.caption)))
+        .with_show_labels(false);
         recording.log_static(path, &boxes)?;
+        // A label has the colour of its box, and a dark one cannot be read: the names stand apart, in light letters.
+        let names = Points3D::new(objects.iter().map(|object| <[f64; 3]>::from(object.bounds.center())))
+            .with_colors(objects.iter().map(|object| if is_named(object) { FRONTIER } else { NAME }))
+            .with_radii([0.01_f32])
+            .with_labels(objects.iter().map(|object| object.label.clone()))
+            .with_show_labels(true);
+        recording.log_static(format!("{path}/names"), &names)?;
     }
     Ok(())
 }
