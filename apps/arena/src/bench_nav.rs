@@ -61,6 +61,7 @@ pub struct BenchNav {
 
 /// Draws and runs. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
 /// every run is written below it. Progress goes to stderr unless `is_quiet`.
+#[allow(clippy::too_many_arguments)] // one for each thing that decides the bench
 pub fn bench_nav(
     robot: &RobotModel,
     kind: RobotKind,
@@ -86,7 +87,10 @@ pub fn bench_nav(
             bar.inc(1);
             bar.set_message(format!("{} right", done + usize::from(outcome.0.success)));
             if !is_quiet && !outcome.0.success {
-                bar.println(format!("run {index}: {} | \"{}\" | {}", outcome.0.scene, outcome.0.instruction, outcome.0.reason));
+                bar.println(format!(
+                    "run {index}: {} | \"{}\" | {}",
+                    outcome.0.scene, outcome.0.instruction, outcome.0.reason
+                ));
             }
             outcome
         })

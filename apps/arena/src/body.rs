@@ -63,7 +63,8 @@ impl SimulatedBody {
         let kind = match robot.kind {
             RobotKind::Ground => Kind::Ground(Box::new(ground_base(robot, start, floor_z_m)?)),
             RobotKind::Aerial => {
-                let quadrotor = Quadrotor::new(quadrotor_config(robot), 0, *start, 0.0).context("setting up the quadrotor")?;
+                let quadrotor =
+                    Quadrotor::new(quadrotor_config(robot), 0, *start, 0.0).context("setting up the quadrotor")?;
                 let autopilot = Autopilot::new(robot).context("setting up the flight controller")?;
                 Kind::Air(Box::new(quadrotor), Box::new(autopilot))
             }
@@ -75,19 +76,15 @@ impl SimulatedBody {
     pub fn advance(&mut self, command: &Command, now_ns: i64, tick_ns: i64, odometry: &DriftingOdometry) -> Result<()> {
         let touched = match (&mut self.kind, command) {
             (Kind::Ground(base), Command::Velocity { forward_mps, left_mps, yaw_rate_radps }) => {
-                let command = VelocityCommand {
-                    forward_mps: *forward_mps,
-                    left_mps: *left_mps,
-                    yaw_rate_radps: *yaw_rate_radps,
-                };
+                let command =
+                    VelocityCommand { forward_mps: *forward_mps, left_mps: *left_mps, yaw_rate_radps: *yaw_rate_radps };
                 base.forget_before(now_ns - MEMORY_NS);
                 base.step(tick_ns as f64 * 1e-9, &command, Some(&mut self.contacts)).context("moving the base")?
             }
             (Kind::Air(quadrotor, autopilot), Command::Flight(set_point)) => {
                 autopilot.set(Stamp(now_ns), *set_point);
                 quadrotor.forget_before(now_ns - MEMORY_NS);
-                let estimate_from_truth =
-                    odometry.estimate_from_body() * quadrotor.state().world_from_body.inverse();
+                let estimate_from_truth = odometry.estimate_from_body() * quadrotor.state().world_from_body.inverse();
                 let mut touched = Vec::new();
                 let steps = ((tick_ns as f64 * 1e-9) / AUTOPILOT_S).round().max(1.0) as i64;
                 for step in 0..steps {

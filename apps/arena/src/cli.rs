@@ -42,10 +42,15 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         .clone()
         .unwrap_or_else(|| PathBuf::from("runs").join(format!("{}-{scene_name}-{}", word(kind), options.seed)));
     let folder = RunFolder::new(&out)?;
-    let known = options.known.as_deref().map(mission::archive::load).transpose()?;
+    let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
+    if let (Some(known), Some(pose)) = (&mut known, &options.start) {
+        // Whatever height was given, the robot stands on the floor of the map.
+        known.start = crate::run::pose_in_map(pose);
+        known.start.translation.vector.z = known.floor_m + robot.stance_height_m;
+    }
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
-    let config = RunConfig::new(options, kind)?;
+    let config = RunConfig::new(options);
     let start = match (&options.known, &options.start) {
         (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
         _ => {

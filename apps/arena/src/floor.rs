@@ -145,8 +145,22 @@ impl TrueFloor {
 }
 
 const DIRECTIONS: [(i64, i64); 16] = [
-    (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1),
-    (2, 1), (2, -1), (-2, 1), (-2, -1), (1, 2), (1, -2), (-1, 2), (-1, -2),
+    (1, 0),
+    (-1, 0),
+    (0, 1),
+    (0, -1),
+    (1, 1),
+    (1, -1),
+    (-1, 1),
+    (-1, -1),
+    (2, 1),
+    (2, -1),
+    (-2, 1),
+    (-2, -1),
+    (1, 2),
+    (1, -2),
+    (-1, 2),
+    (-1, -2),
 ];
 
 struct Visit {
@@ -252,7 +266,7 @@ mod tests {
         let (width, height) = (17, 11);
         let is_free: Vec<bool> = (0..width * height).map(|i| (i * 7919 + i * i) % 13 != 0).collect();
         let fast = distance_to_blocked(&is_free, width, height);
-        for cell in 0..width * height {
+        for (cell, fast_m) in fast.iter().enumerate() {
             let nearest = (0..width * height)
                 .filter(|other| !is_free[*other])
                 .map(|other| {
@@ -262,7 +276,7 @@ mod tests {
                 })
                 .fold(f64::INFINITY, f64::min);
             let expected = (nearest - 0.5).max(0.0) * CELL_M;
-            assert!((f64::from(fast[cell]) - expected).abs() < 1e-6, "cell {cell}");
+            assert!((f64::from(*fast_m) - expected).abs() < 1e-6, "cell {cell}");
         }
     }
 }

@@ -27,8 +27,18 @@ pub struct MapDrawing<'a> {
 }
 
 const PASTELS: [[u8; 3]; 12] = [
-    [190, 216, 240], [250, 221, 180], [201, 231, 196], [240, 200, 205], [219, 206, 236], [250, 240, 180], [196, 232, 228],
-    [233, 214, 196], [214, 224, 170], [240, 210, 235], [205, 213, 222], [255, 214, 196],
+    [190, 216, 240],
+    [250, 221, 180],
+    [201, 231, 196],
+    [240, 200, 205],
+    [219, 206, 236],
+    [250, 240, 180],
+    [196, 232, 228],
+    [233, 214, 196],
+    [214, 224, 170],
+    [240, 210, 235],
+    [205, 213, 222],
+    [255, 214, 196],
 ];
 
 /// Draws the map. Axes are in metres, north up.
@@ -137,9 +147,8 @@ pub fn map_svg(graph: &SceneGraph, drawing: &MapDrawing) -> String {
         );
     }
     svg.push_str("</g>\n");
-    let line = |points: &[Point2<f64>]| -> String {
-        points.iter().map(|p| format!("{:.2},{:.2} ", x(p.x), y(p.y))).collect()
-    };
+    let line =
+        |points: &[Point2<f64>]| -> String { points.iter().map(|p| format!("{:.2},{:.2} ", x(p.x), y(p.y))).collect() };
     if !drawing.true_path.is_empty() {
         let _ = writeln!(
             svg,

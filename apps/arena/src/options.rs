@@ -17,9 +17,11 @@ pub enum LidarMount {
 /// Find a thing in a building nobody has seen before: the robot explores, maps, builds a scene graph, reasons, plans and goes there.
 #[derive(Debug, Clone, Parser)]
 #[command(version, max_term_width = 110)]
-#[command(after_help = "Exit codes: 0 the robot stopped at the right place; 1 it stopped at the wrong place, gave up or was interrupted \
+#[command(
+    after_help = "Exit codes: 0 the robot stopped at the right place; 1 it stopped at the wrong place, gave up or was interrupted \
 (the sentence says why); 2 bad usage or input.\n\nWhat remains of a run: its folder holds report.html for people, summary.json and \
-decisions.jsonl for programs, the scene graph, the mesh, and truth/ with which anybody can judge the run again.")]
+decisions.jsonl for programs, the scene graph, the mesh, and truth/ with which anybody can judge the run again."
+)]
 pub struct Options {
     /// What to do, in English: "find the mug near the sink", "go to the kitchen, then find the plant"
     pub instruction: String,
@@ -80,16 +82,17 @@ pub struct Pose {
 
 /// Reads `x,y,z,yaw` (metres, degrees).
 pub fn parse_pose(text: &str) -> Result<Pose, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse::<f64>())
-        .collect::<Result<_, _>>()
-        .map_err(|_| format!("'{text}' is not four numbers x,y,z,yaw (metres and degrees), for example 1.0,2.5,0.3,90"))?;
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|_| {
+            format!("'{text}' is not four numbers x,y,z,yaw (metres and degrees), for example 1.0,2.5,0.3,90")
+        })?;
     match numbers[..] {
         [x, y, z, yaw] if numbers.iter().all(|n| n.is_finite()) => {
             Ok(Pose { position_m: [x, y, z], yaw_rad: yaw.to_radians() })
         }
-        _ => Err(format!("'{text}' has {} numbers; x,y,z,yaw (metres and degrees) are four finite ones", numbers.len())),
+        _ => {
+            Err(format!("'{text}' has {} numbers; x,y,z,yaw (metres and degrees) are four finite ones", numbers.len()))
+        }
     }
 }
 

@@ -86,26 +86,37 @@ impl<'a> Referee<'a> {
 
     /// Whether a camera over `at` has an unblocked ray to the object.
     pub fn sees_from(&self, at: &Point2<f64>, object: &ObjectTruth) -> bool {
-        self.robot.camera_heights_m.iter().any(|height_m| {
-            self.sees(&Point3::new(at.x, at.y, self.floor.floor_z_m + height_m), object)
-        })
+        self.robot
+            .camera_heights_m
+            .iter()
+            .any(|height_m| self.sees(&Point3::new(at.x, at.y, self.floor.floor_z_m + height_m), object))
     }
 
     /// Whether one of a dozen rays from `eye` to points of the object's box ends on the object.
     pub fn sees(&self, eye: &Point3<f64>, object: &ObjectTruth) -> bool {
         let (center, half) = (object.bounds.center(), (object.bounds.max - object.bounds.min) / 2.0);
         const AIMS: [[f64; 3]; 15] = [
-            [0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [-0.9, 0.0, 0.0], [0.0, 0.9, 0.0], [0.0, -0.9, 0.0], [0.0, 0.0, 0.9],
-            [0.0, 0.0, -0.9], [0.8, 0.8, 0.8], [0.8, -0.8, 0.8], [-0.8, 0.8, 0.8], [-0.8, -0.8, 0.8], [0.8, 0.8, 0.0],
-            [0.8, -0.8, 0.0], [-0.8, 0.8, 0.0], [-0.8, -0.8, 0.0],
+            [0.0, 0.0, 0.0],
+            [0.9, 0.0, 0.0],
+            [-0.9, 0.0, 0.0],
+            [0.0, 0.9, 0.0],
+            [0.0, -0.9, 0.0],
+            [0.0, 0.0, 0.9],
+            [0.0, 0.0, -0.9],
+            [0.8, 0.8, 0.8],
+            [0.8, -0.8, 0.8],
+            [-0.8, 0.8, 0.8],
+            [-0.8, -0.8, 0.8],
+            [0.8, 0.8, 0.0],
+            [0.8, -0.8, 0.0],
+            [-0.8, 0.8, 0.0],
+            [-0.8, -0.8, 0.0],
         ];
         AIMS.iter().any(|aim| {
             let target = center + Vector3::new(aim[0] * half.x, aim[1] * half.y, aim[2] * half.z);
             let ray = target - eye;
             let range_m = ray.norm() + 2.0 * half.norm() + 0.1;
-            self.world
-                .ray(eye, &(ray / ray.norm().max(1e-9)), range_m, 0)
-                .is_some_and(|hit| hit.instance == object.id)
+            self.world.ray(eye, &(ray / ray.norm().max(1e-9)), range_m, 0).is_some_and(|hit| hit.instance == object.id)
         })
     }
 
@@ -200,11 +211,9 @@ impl<'a> Referee<'a> {
         if self.floor.clearance_m(cell) >= self.robot.radius_m {
             return Some(cell);
         }
-        (0..self.floor.len())
-            .filter(|cell| self.floor.clearance_m(*cell) >= self.robot.radius_m)
-            .min_by(|a, b| {
-                let distance_m = |cell: &usize| (self.floor.center_of(*cell) - point).norm();
-                distance_m(a).total_cmp(&distance_m(b)).then(a.cmp(b))
-            })
+        (0..self.floor.len()).filter(|cell| self.floor.clearance_m(*cell) >= self.robot.radius_m).min_by(|a, b| {
+            let distance_m = |cell: &usize| (self.floor.center_of(*cell) - point).norm();
+            distance_m(a).total_cmp(&distance_m(b)).then(a.cmp(b))
+        })
     }
 }

@@ -48,7 +48,11 @@ pub fn report_html(
         journal.curves.iter().map(|sample| (sample.t_s, value(sample))).collect()
     };
     page.push_str(&curves("Speed", "m/s", &[("speed", series(|s| s.speed_mps))]));
-    page.push_str(&curves("Distance to the nearest obstacle", "m", &[("clearance", series(|s| s.clearance_m.min(3.0)))]));
+    page.push_str(&curves(
+        "Distance to the nearest obstacle",
+        "m",
+        &[("clearance", series(|s| s.clearance_m.min(3.0)))],
+    ));
     page.push_str(&curves("Tokens sent", "tokens", &[("tokens", series(|s| s.prompt_tokens as f64))]));
     page.push_str(&curves(
         "Known so far",
@@ -87,8 +91,17 @@ fn figures(page: &mut String, summary: &Summary) {
         ("shortest way", shortest),
         ("SPL", format!("{:.2}", summary.spl)),
         ("simulated", format!("{:.1} s", summary.sim_s)),
-        ("computed in", format!("{:.1} s ({:.1}x real time)", summary.wall_s, summary.sim_s / summary.wall_s.max(1e-9))),
-        ("decisions", format!("{} ({} prompt tokens, {} answer tokens)", summary.decisions, summary.prompt_tokens, summary.answer_tokens)),
+        (
+            "computed in",
+            format!("{:.1} s ({:.1}x real time)", summary.wall_s, summary.sim_s / summary.wall_s.max(1e-9)),
+        ),
+        (
+            "decisions",
+            format!(
+                "{} ({} prompt tokens, {} answer tokens)",
+                summary.decisions, summary.prompt_tokens, summary.answer_tokens
+            ),
+        ),
         ("collisions", summary.collisions.to_string()),
         ("least clearance", clearance),
         ("known at the end", format!("{} rooms, {} objects", summary.rooms_found, summary.objects_found)),
@@ -198,7 +211,9 @@ mod tests {
     fn the_page_is_self_contained_and_escapes_what_a_model_wrote() {
         let summary = Summary { instruction: "find <b>".into(), ..Summary::default() };
         let mut journal = Journal::default();
-        journal.decisions.push(DecisionEntry { replies: vec!["<script>alert(1)</script>".into()], ..Default::default() });
+        journal
+            .decisions
+            .push(DecisionEntry { replies: vec!["<script>alert(1)</script>".into()], ..Default::default() });
         let page = report_html(&summary, &SceneGraph::new(), &MapDrawing::default(), "", &journal);
         assert!(!page.contains("<script"), "no script, ours or anybody's");
         assert!(!page.contains("http://") || page.matches("http://").all(|_| page.contains("www.w3.org")));

@@ -14,7 +14,7 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
-use mission::robot_model::{RobotKind, RobotModel};
+use mission::robot_model::RobotModel;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
@@ -42,15 +42,18 @@ pub struct RunConfig {
 
 impl RunConfig {
     /// Defaults with what the command line says.
-    pub fn new(options: &Options, _kind: RobotKind) -> Result<RunConfig> {
-        let mut config = RunConfig::default();
-        config.max_time_s = options.max_time;
-        config.simulation.is_lidar_fixed = options.lidar == LidarMount::Fixed;
-        config.llm = match (&options.llm, &options.model) {
+    pub fn new(options: &Options) -> RunConfig {
+        let llm = match (&options.llm, &options.model) {
             (Some(url), Some(model)) => Some(ChatConfig::new(url, model)),
             _ => None,
         };
-        Ok(config)
+        let is_lidar_fixed = options.lidar == LidarMount::Fixed;
+        RunConfig {
+            max_time_s: options.max_time,
+            simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
+            llm,
+            ..RunConfig::default()
+        }
     }
 }
 
@@ -140,8 +143,7 @@ pub fn run(
     } else {
         robot
     };
-    let referee =
-        Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
+    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
 
     // Both sides. Without a known map the frame of the odometry begins at the robot: where in the building that is,
     // nobody on the robot's side knows.
@@ -237,7 +239,11 @@ pub fn run(
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
-            if path_m.max(shortest_m) > 0.0 { shortest_m / path_m.max(shortest_m) } else { 1.0 }
+            if path_m.max(shortest_m) > 0.0 {
+                shortest_m / path_m.max(shortest_m)
+            } else {
+                1.0
+            }
         }
         _ => 0.0,
     };
@@ -296,8 +302,9 @@ fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, m
         None => (false, "The run ended before the robot decided anything.".into()),
         Some(Outcome::GaveUp { reason }) => (false, format!("The robot gave up: {reason}")),
         Some(Outcome::Stopped { target, .. }) => {
-            let wrong: Vec<usize> =
-                (0..task.steps.len()).filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done)).collect();
+            let wrong: Vec<usize> = (0..task.steps.len())
+                .filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done))
+                .collect();
             match wrong.first() {
                 None => (true, format!("The robot stopped at the right place ({target}).")),
                 Some(step) if task.steps.len() > 1 => {

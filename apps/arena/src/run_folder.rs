@@ -21,10 +21,14 @@ impl RunFolder {
     /// before the robot has moved.
     pub fn new(target: &Path) -> Result<RunFolder> {
         if target.is_file() {
-            bail!("{} is a file; --out needs a folder that does not exist yet or holds an earlier run", target.display());
+            bail!(
+                "{} is a file; --out needs a folder that does not exist yet or holds an earlier run",
+                target.display()
+            );
         }
         if target.is_dir() {
-            let is_empty = fs::read_dir(target).with_context(|| format!("reading {}", target.display()))?.next().is_none();
+            let is_empty =
+                fs::read_dir(target).with_context(|| format!("reading {}", target.display()))?.next().is_none();
             if !is_empty && !target.join(MARK).is_file() {
                 bail!(
                     "{} exists and is no run folder (it has no {MARK}); choose another --out, nothing was changed",

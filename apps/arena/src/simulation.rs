@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use mission::omni_perception::{
-    EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage, Rle,
-    Stamp, TrackingStatus,
+    EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
+    Rle, Stamp, TrackingStatus,
 };
 use mission::robot_model::RobotModel;
 use mission::stream::{Command, SensorEvent};
@@ -50,6 +50,9 @@ pub struct Touch {
     /// Where.
     pub at_m: [f64; 3],
 }
+
+/// What each part of the simulation took.
+pub type StageTimes = Vec<(&'static str, Duration)>;
 
 /// Period of odometry, IMU and physics; the encoder has its own.
 const TICK_NS: i64 = 5_000_000;
@@ -152,7 +155,7 @@ impl<'a> Simulation<'a> {
 
     /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery, and the time
     /// that each part of the simulation took.
-    pub fn advance(&mut self, command: &Command, step_ns: i64) -> Result<(Vec<SensorEvent>, Vec<(&'static str, Duration)>)> {
+    pub fn advance(&mut self, command: &Command, step_ns: i64) -> Result<(Vec<SensorEvent>, StageTimes)> {
         let mut events = Vec::new();
         let (mut physics, mut lidar, mut panorama) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
         let end_ns = self.now_ns + step_ns;

@@ -75,7 +75,12 @@ impl Task {
     pub fn read(text: &str, building: &Building) -> Result<Task, TaskError> {
         let lower = text.to_lowercase().replace(['.', '!', '?'], " ");
         let mut steps = Vec::new();
-        for part in lower.replace(", and then ", " then ").replace(" and then ", " then ").replace(", then ", " then ").split(" then ") {
+        for part in lower
+            .replace(", and then ", " then ")
+            .replace(" and then ", " then ")
+            .replace(", then ", " then ")
+            .split(" then ")
+        {
             steps.push(read_step(part, building)?);
         }
         Ok(Task { text: text.to_owned(), kind: TaskKind::Given, steps })
@@ -120,12 +125,13 @@ impl std::error::Error for TaskError {}
 const PASSAGES: [&str; 3] = ["hallway", "corridor", "stairwell"];
 
 const VERBS: [&str; 22] = [
-    "please", "can", "you", "find", "go", "navigate", "fly", "walk", "drive", "move", "look", "search", "locate", "bring",
-    "take", "me", "to", "for", "near", "up", "towards", "stop",
+    "please", "can", "you", "find", "go", "navigate", "fly", "walk", "drive", "move", "look", "search", "locate",
+    "bring", "take", "me", "to", "for", "near", "up", "towards", "stop",
 ];
 const ARTICLES: [&str; 5] = ["the", "a", "an", "some", "any"];
 const COLORS: [&str; 14] = [
-    "black", "white", "grey", "gray", "red", "green", "blue", "yellow", "orange", "brown", "pink", "purple", "beige", "silver",
+    "black", "white", "grey", "gray", "red", "green", "blue", "yellow", "orange", "brown", "pink", "purple", "beige",
+    "silver",
 ];
 
 fn read_step(part: &str, building: &Building) -> Result<StepTruth, TaskError> {
@@ -144,6 +150,9 @@ fn read_step(part: &str, building: &Building) -> Result<StepTruth, TaskError> {
     let (phrase, room) = split_room(words);
     let room_ids = room.map(|name| rooms_called(&name, building));
     let (noun, relation) = split_relation(phrase);
+    for named in std::iter::once(&noun).chain(relation.as_ref().map(|(_, anchor)| anchor)) {
+        refuse_unknown_structure(named)?;
+    }
     let ids = building
         .objects
         .iter()
@@ -151,10 +160,9 @@ fn read_step(part: &str, building: &Building) -> Result<StepTruth, TaskError> {
         .filter(|object| room_ids.as_ref().is_none_or(|ids| ids.contains(&object.room)))
         .filter(|object| match &relation {
             None => true,
-            Some((relation, anchor)) => building
-                .objects
-                .iter()
-                .any(|other| other.id != object.id && is_called(other, anchor) && holds(*relation, object, other, building)),
+            Some((relation, anchor)) => building.objects.iter().any(|other| {
+                other.id != object.id && is_called(other, anchor) && holds(*relation, object, other, building)
+            }),
         })
         .map(|object| object.id)
         .collect();
@@ -174,8 +182,11 @@ fn holds(relation: TruthRelation, object: &ObjectTruth, anchor: &ObjectTruth, bu
     match relation {
         TruthRelation::Near => object.room == anchor.room && object.bounds.gap_m(&anchor.bounds) <= NEAR_M,
         TruthRelation::On => rests_on(object, anchor.id, building),
-        TruthRelation::Under => overlaps_in_plan(object, anchor) && object.bounds.min.z < anchor.bounds.max.z - 0.2
-            && object.bounds.center().z < anchor.bounds.center().z,
+        TruthRelation::Under => {
+            overlaps_in_plan(object, anchor)
+                && object.bounds.min.z < anchor.bounds.max.z - 0.2
+                && object.bounds.center().z < anchor.bounds.center().z
+        }
         TruthRelation::Above => overlaps_in_plan(object, anchor) && object.bounds.min.z >= anchor.bounds.max.z - 0.02,
     }
 }
@@ -224,6 +235,18 @@ fn split_relation(words: &[&str]) -> (Vec<String>, Option<(TruthRelation, Vec<St
     (owned(words), None)
 }
 
+/// Words that give a sentence a structure which this grammar does not have; unknown things are fine, they are just not there.
+fn refuse_unknown_structure(words: &[String]) -> Result<(), TaskError> {
+    const BEYOND: [&str; 16] = [
+        "left", "right", "behind", "front", "between", "with", "without", "not", "nearest", "closest", "farthest",
+        "largest", "smallest", "facing", "that", "which",
+    ];
+    match words.iter().position(|word| BEYOND.contains(&word.as_str())) {
+        Some(at) => Err(TaskError::Beyond { words: words[at..].join(" ") }),
+        None => Ok(()),
+    }
+}
+
 fn strip_article<'a>(words: &'a [&'a str]) -> &'a [&'a str] {
     match words.first() {
         Some(word) if ARTICLES.contains(word) => &words[1..],
@@ -237,13 +260,14 @@ fn is_called(object: &ObjectTruth, words: &[String]) -> bool {
     while let Some(first) = noun.first() {
         let is_color = COLORS.contains(&first.as_str());
         let grey = |w: &str| if w == "gray" { "grey".to_owned() } else { w.to_owned() };
-        let is_material = noun.len() > 1 && object.material.split_whitespace().any(|m| m == first || m == first.trim_end_matches("en"));
+        let is_material = noun.len() > 1
+            && object.material.split_whitespace().any(|m| m == first || m == first.trim_end_matches("en"));
         let names_class = object.class.split_whitespace().next() == Some(first.as_str());
         if is_color && noun.len() > 1 && !names_class {
             if object.color != grey(first) {
                 return false;
             }
-        } else if !(is_material && !names_class) {
+        } else if !is_material || names_class {
             break;
         }
         noun = &noun[1..];
@@ -290,7 +314,9 @@ pub fn draw(kind: TaskKind, building: &Building, rng: &mut ChaCha8Rng) -> Vec<Ta
 fn is_target(object: &ObjectTruth) -> bool {
     let size = object.bounds.max - object.bounds.min;
     let largest_m = size.x.max(size.y).max(size.z);
-    largest_m >= 0.08 && object.bounds.min.z < 1.6 && !["door", "rug", "carpet", "curtain"].contains(&object.class.as_str())
+    largest_m >= 0.08
+        && object.bounds.min.z < 1.6
+        && !["door", "rug", "carpet", "curtain"].contains(&object.class.as_str())
 }
 
 fn classes(building: &Building) -> Vec<String> {
@@ -328,7 +354,8 @@ fn draw_relation(building: &Building) -> Vec<Task> {
             continue;
         }
         for anchor_class in &classes {
-            if anchor_class == class || anchor_class.ends_with(class.as_str()) || class.ends_with(anchor_class.as_str()) {
+            if anchor_class == class || anchor_class.ends_with(class.as_str()) || class.ends_with(anchor_class.as_str())
+            {
                 continue;
             }
             let anchors: Vec<&ObjectTruth> = of_class(anchor_class, building).collect();
@@ -371,7 +398,8 @@ fn draw_room(building: &Building) -> Vec<Task> {
             continue;
         }
         for kind in kinds.into_iter().filter(|kind| !PASSAGES.contains(kind)) {
-            let ids = all.iter().filter(|o| building.rooms[o.room as usize].kind.name() == kind).map(|o| o.id).collect();
+            let ids =
+                all.iter().filter(|o| building.rooms[o.room as usize].kind.name() == kind).map(|o| o.id).collect();
             tasks.push(object_task(format!("find the {class} in the {kind}"), TaskKind::Room, ids));
         }
     }
@@ -409,7 +437,8 @@ fn draw_two_steps(building: &Building, rng: &mut ChaCha8Rng) -> Vec<Task> {
         .collect();
     first.dedup_by(|a, b| a.text == b.text);
     first.extend(draw_class(building));
-    let second: Vec<Task> = [draw_class(building), draw_relation(building), draw_room(building), draw_attribute(building)].concat();
+    let second: Vec<Task> =
+        [draw_class(building), draw_relation(building), draw_room(building), draw_attribute(building)].concat();
     let mut tasks = Vec::new();
     if first.is_empty() || second.is_empty() {
         return tasks;

@@ -50,7 +50,8 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
     };
     let here = path.last().copied().unwrap_or_else(Point2::origin);
     let navigation = navigation_img(&world.navigation, &here);
-    folder.write("report.html", report_html(&result.summary, &world.graph, &drawing, &navigation, journal).as_bytes())?;
+    folder
+        .write("report.html", report_html(&result.summary, &world.graph, &drawing, &navigation, journal).as_bytes())?;
     #[cfg(feature = "viz")]
     crate::viz::write_recording(&folder.path().join("recording.rrd"), result, scene)?;
 
@@ -96,8 +97,7 @@ fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &Tas
         .rooms
         .iter()
         .map(|room| {
-            let rects: Vec<_> =
-                room.rects.iter().map(|r| json!([r.min.x, r.min.y, r.max.x, r.max.y])).collect();
+            let rects: Vec<_> = room.rects.iter().map(|r| json!([r.min.x, r.min.y, r.max.x, r.max.y])).collect();
             json!({
                 "id": room.id, "name": room.name, "kind": room.kind.name(), "rects_m": rects,
                 "floor_z_m": room.floor_z_m, "storey": room.storey,

@@ -49,8 +49,7 @@ pub fn save(world: &WorldModel, into: &Path) -> Result<()> {
     let mesh = world.volume.mesh();
     let mut ply = Vec::new();
     world.volume.write_mesh_ply(&mut ply).context("writing the mesh")?;
-    let mesh =
-        folder::MeshPly { bytes: &ply, vertices: mesh.vertices.len() as u64, faces: mesh.faces.len() as u64 };
+    let mesh = folder::MeshPly { bytes: &ply, vertices: mesh.vertices.len() as u64, faces: mesh.faces.len() as u64 };
     folder::save(into, &world.graph, Some(&mesh))
         .with_context(|| format!("writing the scene graph into {}", into.display()))?;
     let path = into.join(MAP_FILE);

@@ -58,8 +58,7 @@ impl Autopilot {
         }
         let age_s = state.stamp.seconds_since(*stamp);
         let dt_s = age_s.clamp(0.0, TIMEOUT_S);
-        let (v, a, j) =
-            (point.velocity_in_world_mps, point.acceleration_in_world_mps2, point.jerk_in_world_mps3);
+        let (v, a, j) = (point.velocity_in_world_mps, point.acceleration_in_world_mps2, point.jerk_in_world_mps3);
         let is_fresh = age_s <= TIMEOUT_S;
         let lever = state.world_from_body.rotation * self.center_of_mass;
         let reference = TrajectoryPoint {

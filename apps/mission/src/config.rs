@@ -33,6 +33,9 @@ pub struct MissionConfig {
     pub reasoning_latency_s: f64,
     /// Two decisions are at least this far apart, default 1.0 s.
     pub decision_period_s: f64,
+    /// Standing before the thing it went to, the robot looks at it for this long before it decides, default 2.5 s: five
+    /// images from nearby.
+    pub close_look_s: f64,
     /// Labels wait so long for the scans around their image, default 0.4 s.
     pub label_delay_s: f64,
     /// ... and take points of scans at most this far from the image time, default 0.5 s.
@@ -44,7 +47,7 @@ pub struct MissionConfig {
     pub max_retries: usize,
     /// Height at which the aerial robot flies, above the floor, default 1.2 m.
     pub flight_height_m: f64,
-    /// Obstacles of the last scans are kept for this long, default 1.1 s: one turn of the LiDAR's motor shows all sides.
+    /// Obstacles of the last scans are kept for this long, default 2.1 s: one turn of the LiDAR's motor shows all sides.
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
     pub max_attempts: u32,
@@ -64,12 +67,13 @@ impl Default for MissionConfig {
             first_look_s: 2.0,
             reasoning_latency_s: 0.2,
             decision_period_s: 1.0,
+            close_look_s: 2.5,
             label_delay_s: 0.4,
             label_window_s: 0.5,
             stop_distance_m: 0.85,
             max_retries: 3,
             flight_height_m: 1.2,
-            obstacle_memory_s: 1.1,
+            obstacle_memory_s: 2.1,
             max_attempts: 3,
         }
     }

@@ -56,10 +56,15 @@ pub struct Coverage {
 impl Coverage {
     /// Nothing seen yet.
     pub fn new(config: CoverageConfig) -> Self {
-        Self { config, inspected: FxHashSet::default(), given_up: FxHashSet::default(),
+        Self {
+            config,
+            inspected: FxHashSet::default(),
+            given_up: FxHashSet::default(),
             postponed: FxHashMap::default(),
             now_s: 0.0,
-            frontiers: Vec::new(), next_id: 0 }
+            frontiers: Vec::new(),
+            next_id: 0,
+        }
     }
 
     /// Frontiers in ascending id.
@@ -202,10 +207,9 @@ impl Coverage {
                 continue;
             }
             let count = patch.len() as f64;
-            let mean = patch
-                .iter()
-                .fold(Vector2::zeros(), |sum, &(x, y)| sum + Vector2::new(f64::from(x), f64::from(y)))
-                / count;
+            let mean =
+                patch.iter().fold(Vector2::zeros(), |sum, &(x, y)| sum + Vector2::new(f64::from(x), f64::from(y)))
+                    / count;
             let middle = patch
                 .iter()
                 .min_by(|a, b| {
@@ -274,10 +278,7 @@ impl Coverage {
     }
 
     fn center_of(&self, cell: (i32, i32)) -> Point2<f64> {
-        Point2::new(
-            (f64::from(cell.0) + 0.5) * self.config.cell_m,
-            (f64::from(cell.1) + 0.5) * self.config.cell_m,
-        )
+        Point2::new((f64::from(cell.0) + 0.5) * self.config.cell_m, (f64::from(cell.1) + 0.5) * self.config.cell_m)
     }
 }
 

@@ -20,7 +20,7 @@ impl Mission {
     /// One cycle at `now`: what the robot shall do until the next.
     pub fn cycle(&mut self, now: Stamp) -> Command {
         let t_s = self.seconds(now);
-        let Some(odometry) = self.world.odometry.clone() else { return self.body.idle() };
+        let Some(odometry) = self.world.odometry else { return self.body.idle() };
 
         // 1. Abstract: surface, distances, places, rooms, relations (III-B), twice a second.
         if t_s >= self.next_refresh_s {
@@ -64,8 +64,7 @@ impl Mission {
         let pose = odometry.world_from_body;
         let distance_m = self.world.field.distance(&at);
         let body = &mut self.body;
-        let command =
-            self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
+        let command = self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
         if self.t_moved_s.is_none() && odometry.velocity_in_world_mps.norm() > 0.05 {
             self.t_moved_s = Some(odometry.stamp);
         }

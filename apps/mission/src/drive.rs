@@ -98,7 +98,10 @@ impl Drive {
             (off_m <= tolerance_m).then(|| navigation.route(&here, &nearest)).flatten().map(|route| route.points)
         });
         match way {
-            Some(points) => self.path = points,
+            Some(points) => {
+                self.attempts = 0;
+                self.path = points;
+            }
             None => {
                 self.attempts += 1;
                 if self.attempts >= self.config.max_attempts {
@@ -137,13 +140,8 @@ impl Drive {
             }
             _ => (Vec::new(), None),
         };
-        let local = self.policy.command(
-            (at.x, at.y, yaw_rad),
-            (velocity.x, velocity.y, velocity.z),
-            &path,
-            heading,
-            obstacles,
-        );
+        let local =
+            self.policy.command((at.x, at.y, yaw_rad), (velocity.x, velocity.y, velocity.z), &path, heading, obstacles);
         self.clearance_m = local.clearance_m;
         if self.status == GoalStatus::Underway {
             match local.status {

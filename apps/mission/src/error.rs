@@ -15,6 +15,8 @@ pub enum MissionError {
     #[error("this robot cannot be driven: {0}")]
     Drive(#[from] planner::LocalPolicyError),
     /// There is nothing to do in the instruction.
-    #[error("the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\"")]
+    #[error(
+        "the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\""
+    )]
     EmptyInstruction,
 }

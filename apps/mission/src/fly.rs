@@ -16,12 +16,15 @@ const CLIMB_MPS: f64 = 0.5;
 /// Fraction of the yaw-rate limit used: a slow turn disturbs the LiDAR least.
 const YAW_PART: f64 = 0.5;
 
+/// Obstacle points in a box, given by its low and its high corner.
+type ObstaclesIn<'a> = dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>> + 'a;
+
 /// What the flyer needs to see of the map.
 pub struct AirSpace<'a> {
     /// Distance to the nearest obstacle, `None` where nobody has looked.
     pub distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
     /// Surface points in a box.
-    pub obstacles: &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+    pub obstacles: &'a ObstaclesIn<'a>,
 }
 
 /// Phase of a flight.
@@ -49,6 +52,8 @@ pub struct Fly {
     goal: Goal,
     status: GoalStatus,
     attempts: u32,
+    /// A trajectory for the present goal has been found, or the robot was there already.
+    has_planned: bool,
     /// Trajectory and the time on it.
     flying: Option<(PolynomialTrajectory, f64)>,
     /// Set-point when nothing is flown.
@@ -80,6 +85,7 @@ impl Fly {
             goal: Goal::Stay,
             status: GoalStatus::Arrived,
             attempts: 0,
+            has_planned: false,
             flying: None,
             hover: Point3::new(0.0, 0.0, landed_z_m),
             yaw_rad: 0.0,
@@ -117,6 +123,7 @@ impl Fly {
     /// Takes a new goal; the trajectory being flown goes on until the next plan replaces it.
     pub fn set_goal(&mut self, goal: Goal) {
         self.attempts = 0;
+        self.has_planned = false;
         self.status = if goal == Goal::Stay { GoalStatus::Arrived } else { GoalStatus::Underway };
         if goal == Goal::Stay {
             self.stop_here();
@@ -171,12 +178,14 @@ impl Fly {
             (end - goal).norm() < 0.15
         });
         if is_free && ends_there {
+            self.has_planned = true;
             return;
         }
         let start = self.state();
         match plan_air(&start, &goal, air.distance, air.obstacles, &self.config) {
             Ok(plan) => {
                 self.attempts = 0;
+                self.has_planned = true;
                 self.path = plan.route.iter().map(|point| point.xy()).collect();
                 self.flying = Some((plan.trajectory, 0.0));
             }
@@ -300,7 +309,7 @@ impl Fly {
             return;
         }
         match self.goal {
-            Goal::Reach { target, tolerance_m, heading_rad } => {
+            Goal::Reach { target, tolerance_m, heading_rad } if self.has_planned => {
                 let is_turned = heading_rad.is_none_or(|wanted| wrap(wanted - self.yaw_rad).abs() < 0.3);
                 if self.flying.is_none() && (actual.xy() - target).norm() <= tolerance_m && is_turned {
                     self.status = GoalStatus::Arrived;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use dsg::{
-    Aabb, AgentId, AgentPose, AssociationConfig, GroupConfig, ObjectEvidence, Op, Place, PlaceEdge, PlaceState, PlaceUpdate,
-    RelationConfig, RoomPart, SceneGraph,
+    Aabb, AgentId, AgentPose, AssociationConfig, GroupConfig, ObjectEvidence, Op, Place, PlaceEdge, PlaceState,
+    PlaceUpdate, RelationConfig, RoomPart, SceneGraph,
 };
 use nalgebra::{Point3, Vector3};
 use omni_perception::OdometryEstimate;
@@ -178,7 +178,11 @@ impl GraphBuilder {
         }
         self.last_pose_ns = odometry.stamp.0;
         if graph.agent(SELF).is_none() {
-            let _ = graph.apply(Op::PutAgent(Box::new(dsg::Agent { id: SELF, name: "robot".into(), trajectory: Vec::new() })));
+            let _ = graph.apply(Op::PutAgent(Box::new(dsg::Agent {
+                id: SELF,
+                name: "robot".into(),
+                trajectory: Vec::new(),
+            })));
         }
         let pose = AgentPose { stamp_ns: odometry.stamp.0, world_from_body: odometry.world_from_body };
         let _ = graph.apply(Op::AddAgentPose(SELF, pose));

@@ -70,6 +70,8 @@ pub struct Mission {
     pub(crate) step_index: usize,
     /// Whether the present goal is a pose before the object, or only on the way to it.
     pub(crate) stands_before_target: bool,
+    /// Since when the robot stands before the thing it went to.
+    pub(crate) arrived_s: Option<f64>,
     /// Decisions in a row without an accepted action.
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
@@ -119,6 +121,7 @@ impl Mission {
             step_index: 0,
             unsure: 0,
             stands_before_target: false,
+            arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
             config,

@@ -9,8 +9,12 @@ use robot_model::{RobotKind, RobotModel};
 use rustc_hash::FxHashSet;
 use volumetric_map::{Cell, OccupancyGrid, Volume};
 
-/// Margin beyond the robot's circle: what is left of a voxel's error after the surface was placed in it, and tracking.
-const MARGIN_M: f64 = 0.03;
+/// On the ground the route may cut this much into the circle that the robot sweeps when it turns: through a door it goes straight,
+/// and the local policy keeps the true outline clear whatever the route says. Without it a door of 1.0 m, drawn with cells of
+/// 5 cm at an odd angle, closes.
+const GROUND_CUT_M: f64 = 0.04;
+/// ... but never nearer than this to half its width.
+const GROUND_MARGIN_M: f64 = 0.10;
 /// What the robot may drive over: thresholds, carpet edges, noise of the floor.
 const STEP_M: f64 = 0.10;
 /// Room above the robot's highest point.
@@ -42,7 +46,10 @@ impl NavigationMap {
             },
             graph: None,
             stood_on: FxHashSet::default(),
-            clearance_m: radius_m + MARGIN_M,
+            clearance_m: match robot.kind {
+                RobotKind::Ground => (radius_m - GROUND_CUT_M).max(robot.inscribed_radius_m + GROUND_MARGIN_M),
+                RobotKind::Aerial => radius_m,
+            },
             radius_m,
         }
     }

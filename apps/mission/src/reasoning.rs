@@ -8,9 +8,8 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use octant_prompt::{
-    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Instruction, Prompt, Reasoner, Situation,
-    SymbolicReasoner,
-    Estimate, TokenCounter, build_prompt_for, decide_with_critic,
+    Action, Attempt, Critic, Critique, CritiqueCode, DecisionRecord, Estimate, Instruction, Prompt, Reasoner,
+    Situation, SymbolicReasoner, TokenCounter, build_prompt_for, decide_with_critic,
 };
 
 use octant_prompt::vocabulary::{Class, class_similarity};
@@ -90,10 +89,8 @@ impl Snapshot {
     /// Prompt, reasoner, critic: one decision on this snapshot.
     fn decide(&self, reasoner: &mut dyn Reasoner, critic: &Critic, config: &MissionConfig) -> Answer {
         self.with_situation(|situation| {
-            let prompt_config = octant_prompt::PromptConfig {
-                camera_height_m: self.camera_height_m,
-                ..config.prompt.clone()
-            };
+            let prompt_config =
+                octant_prompt::PromptConfig { camera_height_m: self.camera_height_m, ..config.prompt.clone() };
             let prompt = build_prompt_for(situation, &prompt_config, &Estimate);
             let record = decide_with_critic(
                 reasoner,
@@ -122,6 +119,7 @@ pub struct Pending {
     answer: Waiting,
 }
 
+#[allow(clippy::large_enum_variant)] // there is one of it
 enum Waiting {
     /// The embedded reasoner has answered; the answer counts from this time on.
     Due(f64, Box<Answer>),
@@ -158,11 +156,22 @@ impl Mission {
         }
         match *self.body.status() {
             GoalStatus::Arrived => {
+                // Before a thing, the robot looks at it for a moment: a few more images settle its label and its place.
+                if self.stands_before_target && matches!(self.target, Target::Action(Action::GoNear(_))) {
+                    let since_s = *self.arrived_s.get_or_insert(t_s);
+                    if t_s - since_s < self.config.close_look_s {
+                        return false;
+                    }
+                }
+                self.arrived_s = None;
                 self.arrived();
                 return true;
             }
             GoalStatus::Failed(why) => {
+                // Counted once; the body stands until the next decision gives it another goal.
                 self.failed(why);
+                self.body.set_goal(Goal::Stay);
+                self.target = Target::None;
                 return true;
             }
             GoalStatus::Underway => {}
@@ -235,11 +244,8 @@ impl Mission {
             let at = place.position.xy();
             self.world.coverage.postpone(&at, until_s);
         }
-        let critique = Critique {
-            code: CritiqueCode::Unreachable,
-            message: format!("{action} failed: {why}"),
-            action: Some(action),
-        };
+        let critique =
+            Critique { code: CritiqueCode::Failed, message: format!("{action} failed: {why}"), action: Some(action) };
         let failure = Failure { critique, until_s, times };
         match index {
             Some(index) => self.memory.rejected[index] = failure,
@@ -357,6 +363,7 @@ impl Mission {
                 }
                 match self.goal_of(&action) {
                     Some(goal) => {
+                        self.arrived_s = None;
                         self.body.set_goal(goal);
                         self.target = Target::Action(action);
                         let (body, world, clock) = (&mut self.body, &self.world, &mut self.journal.clock);
@@ -390,7 +397,11 @@ impl Mission {
                     &|eye, thing| self.world.is_clear(eye, thing),
                 );
                 if let Some(stand) = stand {
-                    return Some(Goal::Reach { target: stand.at, tolerance_m: 0.2, heading_rad: Some(stand.heading_rad) });
+                    return Some(Goal::Reach {
+                        target: stand.at,
+                        tolerance_m: 0.2,
+                        heading_rad: Some(stand.heading_rad),
+                    });
                 }
                 // Not enough of the floor is known there yet: as near as can be, and look again.
                 const LOOK_FROM_M: f64 = 4.0;
@@ -444,7 +455,7 @@ impl Mission {
 
     /// What is known now, in the form that a reasoner may keep.
     fn snapshot(&mut self) -> Option<Snapshot> {
-        let odometry = self.world.odometry.clone()?;
+        let odometry = self.world.odometry?;
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         self.remember_room(&odometry.world_from_body);
         let now_s = self.seconds(odometry.stamp);
@@ -459,9 +470,8 @@ impl Mission {
             .filter(|object| {
                 let distance_m = floor_distance_m(&object.bounds, &here);
                 let has_arrived = self.memory.inspected.contains(&object.id);
-                let is_visible = || {
-                    self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds))
-                };
+                let is_visible =
+                    || self.world.is_clear(&eye, &in_front_of(&eye, &object.bounds.center(), &object.bounds));
                 // Behind clutter in the same room is as good as visible, behind a wall is not.
                 let is_in_my_room = || object.room.is_some() && object.room == my_room;
                 let limit_m = if has_arrived { BEST_EFFORT_M } else { self.config.stop_distance_m };

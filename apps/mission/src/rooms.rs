@@ -104,10 +104,7 @@ impl RoomMap {
             .filter_map(|border| {
                 let (u, v) = graph.edges()[border.edge as usize];
                 Some(Doorway {
-                    between: (
-                        room_of_part[border.a as usize]? as usize,
-                        room_of_part[border.b as usize]? as usize,
-                    ),
+                    between: (room_of_part[border.a as usize]? as usize, room_of_part[border.b as usize]? as usize),
                     at: nalgebra::center(&center_of(u), &center_of(v)),
                     width_m: 2.0 * border.saddle,
                 })

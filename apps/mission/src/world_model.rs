@@ -91,7 +91,12 @@ pub struct WorldModel {
 
 impl WorldModel {
     /// Nothing known; `floor_m` is the height of the floor under the robot in the frame of the odometry.
-    pub fn new(robot: &RobotModel, config: &MissionConfig, camera: Equirectangular, floor_m: f64) -> Result<Self, MissionError> {
+    pub fn new(
+        robot: &RobotModel,
+        config: &MissionConfig,
+        camera: Equirectangular,
+        floor_m: f64,
+    ) -> Result<Self, MissionError> {
         let body_height_m = match robot.kind {
             RobotKind::Ground => robot.stance_height_m,
             RobotKind::Aerial => config.flight_height_m,
@@ -116,7 +121,11 @@ impl WorldModel {
             odometry: None,
             volume: Volume::new(config.volume.clone())?,
             field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
-            places: PlaceGraph::new(PlaceConfig::default())?,
+            places: PlaceGraph::new(PlaceConfig {
+                // Where bodies move: under the lintels, over the thresholds.
+                height_band_m: Some([floor_m + 0.2, floor_m + 2.0]),
+                ..PlaceConfig::default()
+            })?,
             graph: SceneGraph::new(),
             rooms: None,
             slice: OccupancyGrid {
@@ -140,8 +149,7 @@ impl WorldModel {
         self.graph = known.graph;
         self.volume = known.volume;
         self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
-        self.slice =
-            self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
+        self.slice = self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
         self.coverage.know(&self.slice);
         self.builder.forget_frontiers(&mut self.graph);
     }
@@ -171,9 +179,8 @@ impl WorldModel {
     /// One revolution of the LiDAR: straightened, put into the map, and its nearest obstacles kept.
     fn see_scan(&mut self, scan: &RawScan, clock: &mut StageClock) {
         let config = DeskewConfig::default();
-        let straight = clock.time("deskew", || {
-            deskew(scan, &self.encoder, &self.mount, &self.trajectory, ReferenceTime::End, &config)
-        });
+        let straight = clock
+            .time("deskew", || deskew(scan, &self.encoder, &self.mount, &self.trajectory, ReferenceTime::End, &config));
         let Ok(straight) = straight else {
             self.ignored.scans += 1;
             return;
@@ -211,9 +218,10 @@ impl WorldModel {
         let body_m = match self.robot.kind {
             RobotKind::Ground => self.floor_m,
             // The ball moves with the robot's height.
-            RobotKind::Aerial => self.odometry.as_ref().map_or(self.floor_m, |o| {
-                o.world_from_body.translation.vector.z - self.body_height_m
-            }),
+            RobotKind::Aerial => self
+                .odometry
+                .as_ref()
+                .map_or(self.floor_m, |o| o.world_from_body.translation.vector.z - self.body_height_m),
         };
         let low_m = (body_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
         let high_m = (body_m + self.solid_m.1 + 0.05) as f32;
@@ -226,10 +234,7 @@ impl WorldModel {
             .collect();
         cells.sort_unstable();
         cells.dedup();
-        cells
-            .into_iter()
-            .map(|(ix, iy)| Point2::new((ix as f32 + 0.5) * THIN_M, (iy as f32 + 0.5) * THIN_M))
-            .collect()
+        cells.into_iter().map(|(ix, iy)| Point2::new((ix as f32 + 0.5) * THIN_M, (iy as f32 + 0.5) * THIN_M)).collect()
     }
 
     /// What the last scans show around the robot, and what the map remembers where they are blind.
@@ -295,19 +300,19 @@ impl WorldModel {
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
         let eye = world_from_camera * Point3::origin();
-        clock.time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
+        clock
+            .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
         self.coverage.look(&eye.xy(), &self.slice);
     }
 
     /// Twice a second: surface, distances, places, rooms, relations, ways.
     pub fn refresh(&mut self, now_s: f64, clock: &mut StageClock) {
-        let Some(odometry) = self.odometry.clone() else { return };
+        let Some(odometry) = self.odometry else { return };
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
         let events = clock.time("places", || self.places.update(&self.field));
-        self.slice = clock.time("slice", || {
-            self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None)
-        });
+        self.slice = clock
+            .time("slice", || self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None));
         clock.time("navigation", || {
             self.navigation.refresh(
                 &self.volume,

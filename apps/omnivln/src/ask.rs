@@ -74,8 +74,7 @@ pub fn run(options: &AskOptions) -> Result<ExitCode> {
     let prompt = build_prompt_for(&situation, &config, &Estimate);
     let critic = Critic::default();
     let mut reasoner = SymbolicReasoner::default();
-    let record =
-        decide_with_critic(&mut reasoner, &critic, &situation, &prompt, 0, &mut SymbolicReasoner::default());
+    let record = decide_with_critic(&mut reasoner, &critic, &situation, &prompt, 0, &mut SymbolicReasoner::default());
     let found = candidates(&situation, &critic.grounding);
 
     let rooms: Vec<Value> = graph
@@ -181,9 +180,8 @@ fn load_graph(path: &Path, labels: Option<&BTreeMap<u32, String>>) -> Result<Sce
             if is_ours {
                 bail!("{}: {our_error}", path.display());
             }
-            read_spark_dsg(&bytes, labels).with_context(|| {
-                format!("{} is neither a scene graph of ours nor one of spark_dsg", path.display())
-            })
+            read_spark_dsg(&bytes, labels)
+                .with_context(|| format!("{} is neither a scene graph of ours nor one of spark_dsg", path.display()))
         }
     }
 }
@@ -195,7 +193,8 @@ fn read_labels(path: &Path) -> Result<BTreeMap<u32, String>> {
     names
         .into_iter()
         .map(|(number, name)| {
-            let number = number.parse().with_context(|| format!("{}: '{number}' is not a label number", path.display()))?;
+            let number =
+                number.parse().with_context(|| format!("{}: '{number}' is not a label number", path.display()))?;
             Ok((number, name))
         })
         .collect()

@@ -74,16 +74,8 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let mut config = RunConfig { max_time_s: options.max_time, ..RunConfig::default() };
     config.simulation.segmenter.noise_scale = options.noise;
     let stop = Arc::new(AtomicBool::new(false));
-    let result = bench_nav(
-        &robot,
-        kind,
-        options.scenes,
-        options.seed,
-        &config,
-        options.keep.as_deref(),
-        options.quiet,
-        &stop,
-    )?;
+    let result =
+        bench_nav(&robot, kind, options.scenes, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
     if options.json {
         println!("{}", serde_json::to_string(&result)?);
     } else {

@@ -4,9 +4,9 @@
 //! Run: `cargo run -p dsg --example 01_a_kitchen_is_seen`
 
 use dsg::{
-    AssociationConfig, GroupConfig, Object, ObjectEvidence, PlaceId, PlaceState, PlaceUpdate,
-    RelationConfig, RelationKind, RoomConfig, RoomPart, SceneGraph, forget_ghosts, observe_objects,
-    scene_graph_text, update_groups, update_places, update_relations, update_rooms,
+    AssociationConfig, GroupConfig, Object, ObjectEvidence, PlaceId, PlaceState, PlaceUpdate, RelationConfig,
+    RelationKind, RoomConfig, RoomPart, SceneGraph, forget_ghosts, observe_objects, scene_graph_text, update_groups,
+    update_places, update_relations, update_rooms,
 };
 use nalgebra::{Point3, Vector3};
 
@@ -37,44 +37,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         basis_points: 3,
         frontier_cells,
     };
-    let mut put: Vec<PlaceState> = (0..6)
-        .map(|i| place(i, 1.0 + (i % 3) as f64, 1.0 + (i / 3) as f64, 0))
-        .collect();
+    let mut put: Vec<PlaceState> = (0..6).map(|i| place(i, 1.0 + (i % 3) as f64, 1.0 + (i / 3) as f64, 0)).collect();
     put.extend((6..9).map(|i| place(i, i as f64 - 1.0, 1.5, u32::from(i == 8) * 40)));
-    update_places(
-        &mut graph,
-        &PlaceUpdate {
-            put,
-            ..PlaceUpdate::default()
-        },
-    )?;
+    update_places(&mut graph, &PlaceUpdate { put, ..PlaceUpdate::default() })?;
 
     // 2. Eight frames. The mug is called a bowl in two of them; in frame 1 there is a suitcase that nobody will see again.
     let things = [
-        (
-            "stove",
-            [0.4, 2.6, 0.45],
-            [0.6, 0.6, 0.9],
-            "a white metal stove",
-        ),
-        (
-            "sink",
-            [1.6, 2.6, 0.85],
-            [0.6, 0.5, 0.2],
-            "a steel sink, used for washing dishes",
-        ),
-        (
-            "mug",
-            [1.05, 2.6, 0.95],
-            [0.09, 0.09, 0.1],
-            "a red ceramic mug",
-        ),
-        (
-            "fridge",
-            [2.8, 2.6, 0.9],
-            [0.6, 0.6, 1.8],
-            "a tall grey fridge",
-        ),
+        ("stove", [0.4, 2.6, 0.45], [0.6, 0.6, 0.9], "a white metal stove"),
+        ("sink", [1.6, 2.6, 0.85], [0.6, 0.5, 0.2], "a steel sink, used for washing dishes"),
+        ("mug", [1.05, 2.6, 0.95], [0.09, 0.09, 0.1], "a red ceramic mug"),
+        ("fridge", [2.8, 2.6, 0.9], [0.6, 0.6, 1.8], "a tall grey fridge"),
     ];
     let config = AssociationConfig::default();
     for frame in 0..8_usize {
@@ -91,28 +63,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .iter()
             .map(|(label, center, sides, caption)| {
                 let is_wrong = *label == "mug" && frame % 4 == 1;
-                if is_wrong {
-                    see("bowl", *center, *sides, "a bowl")
-                } else {
-                    see(label, *center, *sides, caption)
-                }
+                if is_wrong { see("bowl", *center, *sides, "a bowl") } else { see(label, *center, *sides, caption) }
             })
             .collect();
         if frame == 1 {
-            evidence.push(see(
-                "suitcase",
-                [3.2, 0.4, 0.3],
-                [0.3, 0.4, 0.6],
-                "a suitcase",
-            ));
+            evidence.push(see("suitcase", [3.2, 0.4, 0.3], [0.3, 0.4, 0.6], "a suitcase"));
         }
         let report = observe_objects(&mut graph, &evidence, &config)?;
-        println!(
-            "frame {frame}: {} views, {} new, revision {}",
-            evidence.len(),
-            report.created.len(),
-            report.revision
-        );
+        println!("frame {frame}: {} views, {} new, revision {}", evidence.len(), report.created.len(), report.revision);
         // Everything is in view; where something was seen, something is.
         forget_ghosts(&mut graph, stamp_ns, &|_: &Object| Some(false), &config)?;
     }
@@ -135,13 +93,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let parts = [part(0..6, 2.0), part(6..9, 6.0)];
     let part_of_point = |p: &Point3<f64>| Some(usize::from(p.x > 4.0));
     let doorways = [(0, 1, Point3::new(4.0, 1.5, 0.7), 0.9)];
-    update_rooms(
-        &mut graph,
-        &parts,
-        &doorways,
-        &part_of_point,
-        &RoomConfig::default(),
-    )?;
+    update_rooms(&mut graph, &parts, &doorways, &part_of_point, &RoomConfig::default())?;
 
     // 4. Relations, checked against a map without walls and a verifier that agrees, and groups.
     let clear = |_: &Point3<f64>, _: &Point3<f64>| None;
@@ -158,24 +110,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let last = news.last().expect("there was news").inverse();
     let groups = graph.groups().count();
     graph.apply(last)?;
-    assert_eq!(
-        (groups, graph.groups().count()),
-        (1, 0),
-        "the last event made the group"
-    );
+    assert_eq!((groups, graph.groups().count()), (1, 0), "the last event made the group");
 
-    let mug = graph
-        .objects()
-        .find(|object| object.label == "mug")
-        .expect("the vote was for the mug");
+    let mug = graph.objects().find(|object| object.label == "mug").expect("the vote was for the mug");
     assert!((mug.centroid - Point3::new(1.05, 2.6, 0.95)).norm() < 0.02);
     assert_eq!(graph.rooms().next().expect("two rooms").name, "kitchen");
     assert!(graph.objects().all(|object| object.label != "suitcase"));
-    assert!(
-        graph
-            .relations_of(mug.id)
-            .any(|relation| relation.kind == RelationKind::Near)
-    );
+    assert!(graph.relations_of(mug.id).any(|relation| relation.kind == RelationKind::Near));
     graph.check_invariants()?;
     Ok(())
 }

@@ -15,10 +15,7 @@ const LOG_CHANGES: usize = 32_768;
 impl SceneGraph {
     /// Changes the graph, or fails and leaves it as it was. The revision rises by one unless nothing changed.
     pub fn apply(&mut self, op: Op) -> Result<Event, OpError> {
-        let mut edit = Edit {
-            graph: self,
-            changes: Vec::new(),
-        };
+        let mut edit = Edit { graph: self, changes: Vec::new() };
         if let Err(error) = edit.run(op) {
             let changes = std::mem::take(&mut edit.changes);
             for change in changes.iter().rev() {
@@ -28,16 +25,10 @@ impl SceneGraph {
         }
         let changes: Arc<[Change]> = edit.changes.into();
         if changes.is_empty() {
-            return Ok(Event {
-                revision: self.revision,
-                changes,
-            });
+            return Ok(Event { revision: self.revision, changes });
         }
         self.revision += 1;
-        let event = Event {
-            revision: self.revision,
-            changes,
-        };
+        let event = Event { revision: self.revision, changes };
         self.remember(event.clone());
         Ok(event)
     }
@@ -60,11 +51,7 @@ impl SceneGraph {
         if self.log_changes > LOG_CHANGES && self.log.len() > 1 {
             let dropped = self.log.len() / 2;
             self.log_start = self.log[dropped - 1].revision;
-            self.log_changes -= self
-                .log
-                .drain(..dropped)
-                .map(|event| event.changes.len())
-                .sum::<usize>();
+            self.log_changes -= self.log.drain(..dropped).map(|event| event.changes.len()).sum::<usize>();
         }
     }
 }
@@ -123,13 +110,9 @@ impl Edit<'_> {
             Op::Transform(motion) => self.transform(&motion),
             Op::Batch(ops) => ops.into_iter().try_for_each(|op| self.run(op)),
             Op::SetTo(changes) => {
-                changes
-                    .into_iter()
-                    .try_for_each(|change| self.set_to(change))?;
+                changes.into_iter().try_for_each(|change| self.set_to(change))?;
                 // The states come from outside: together they must make a graph.
-                self.graph
-                    .check_invariants()
-                    .map_err(|_| OpError::NotTheRecordedState)
+                self.graph.check_invariants().map_err(|_| OpError::NotTheRecordedState)
             }
         }
     }
@@ -182,11 +165,7 @@ mod tests {
         let mut graph = SceneGraph::new();
         graph.apply(place(1)).unwrap();
         let before = graph.clone();
-        let batch = Op::Batch(vec![
-            place(2),
-            Op::RemovePlace(PlaceId(1)),
-            Op::RemovePlace(PlaceId(9)),
-        ]);
+        let batch = Op::Batch(vec![place(2), Op::RemovePlace(PlaceId(1)), Op::RemovePlace(PlaceId(9))]);
         assert_eq!(graph.apply(batch), Err(OpError::NoPlace(PlaceId(9))));
         assert!(graph.has_same_content(&before));
         assert_eq!(graph.revision(), 1);
@@ -199,13 +178,7 @@ mod tests {
         for op in [place(1), place(2), room(1, &[1, 2]), object(1, 0.0)] {
             graph.apply(op).unwrap();
         }
-        graph
-            .apply(Op::PutPlaceEdge(PlaceEdge {
-                a: PlaceId(2),
-                b: PlaceId(1),
-                clearance_m: 0.5,
-            }))
-            .unwrap();
+        graph.apply(Op::PutPlaceEdge(PlaceEdge { a: PlaceId(2), b: PlaceId(1), clearance_m: 0.5 })).unwrap();
         let mut standing = graph.object(ObjectId(1)).unwrap().clone();
         standing.place = Some(PlaceId(1));
         graph.apply(Op::PutObject(Box::new(standing))).unwrap();
@@ -243,21 +216,9 @@ mod tests {
         stool.caption = "a wooden stool".into();
         graph.apply(Op::PutObject(Box::new(chair))).unwrap();
         graph.apply(Op::PutObject(Box::new(stool))).unwrap();
-        graph
-            .apply(Op::MergeObjects {
-                from: ObjectId(2),
-                into: ObjectId(1),
-            })
-            .unwrap();
+        graph.apply(Op::MergeObjects { from: ObjectId(2), into: ObjectId(1) }).unwrap();
         let merged = graph.object(ObjectId(1)).unwrap();
-        assert_eq!(
-            (
-                merged.label.as_str(),
-                merged.label_margin,
-                merged.observations
-            ),
-            ("stool", 0.5, 2)
-        );
+        assert_eq!((merged.label.as_str(), merged.label_margin, merged.observations), ("stool", 0.5, 2));
         assert_eq!(merged.caption, "a wooden stool");
         assert_eq!(graph.objects().count(), 1);
     }
@@ -265,10 +226,7 @@ mod tests {
     #[test]
     fn bad_numbers_are_refused() {
         let mut graph = SceneGraph::new();
-        assert!(matches!(
-            graph.apply(object(1, f64::NAN)),
-            Err(OpError::BadNumber { .. })
-        ));
+        assert!(matches!(graph.apply(object(1, f64::NAN)), Err(OpError::BadNumber { .. })));
         assert_eq!(graph.revision(), 0);
     }
 }

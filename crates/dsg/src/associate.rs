@@ -32,34 +32,20 @@ pub(crate) struct View<'a> {
 
 impl<'a> View<'a> {
     /// `None` for evidence with too few points, a NaN, no label or a low score.
-    pub fn new(
-        index: usize,
-        evidence: &'a ObjectEvidence,
-        config: &AssociationConfig,
-    ) -> Option<View<'a>> {
+    pub fn new(index: usize, evidence: &'a ObjectEvidence, config: &AssociationConfig) -> Option<View<'a>> {
         // Half a light second: voxel indices stay in range.
         const FAR_M: f32 = 1.0e7;
         let is_good = |p: &Point3<f32>| p.iter().all(|x| x.abs() < FAR_M);
         let score = evidence.score.min(1.0);
         let scored = !evidence.score.is_nan() && score >= config.min_score.max(f32::MIN_POSITIVE);
-        if evidence.points.len() < config.min_points
-            || !scored
-            || !evidence.points.iter().all(is_good)
-        {
+        if evidence.points.len() < config.min_points || !scored || !evidence.points.iter().all(is_good) {
             return None;
         }
-        let total: f64 = evidence
-            .label_weights
-            .iter()
-            .map(|(_, w)| *w)
-            .filter(|w| w.is_finite() && *w > 0.0)
-            .sum();
+        let total: f64 = evidence.label_weights.iter().map(|(_, w)| *w).filter(|w| w.is_finite() && *w > 0.0).sum();
         let mut labels: Vec<(String, f64)> = evidence
             .label_weights
             .iter()
-            .filter(|(label, weight)| {
-                *weight > 0.0 && weight.is_finite() && !label.trim().is_empty()
-            })
+            .filter(|(label, weight)| *weight > 0.0 && weight.is_finite() && !label.trim().is_empty())
             .map(|(label, weight)| (label.trim().to_lowercase(), weight / total))
             .collect();
         labels.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
@@ -105,11 +91,7 @@ struct Fit {
 
 /// For each view the object it shows, `None` for a new one. Greedy by fit: deterministic, and as good as an optimal
 /// assignment where gates are narrow.
-pub(crate) fn associate(
-    graph: &SceneGraph,
-    views: &[View],
-    config: &AssociationConfig,
-) -> Vec<Option<ObjectId>> {
+pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<ObjectId>> {
     let mut fits: Vec<(f64, ObjectId, usize, Fit)> = Vec::new();
     for object in graph.objects() {
         let Some(memory) = graph.memory.get(&object.id) else {
@@ -185,10 +167,7 @@ fn likeness(labels: &[(String, f64)], object: &Object) -> f64 {
     let mean: f64 = labels
         .iter()
         .flat_map(|(label, share)| {
-            object
-                .votes
-                .iter()
-                .map(move |(voted, votes)| share * votes / total * label_similarity(label, voted))
+            object.votes.iter().map(move |(voted, votes)| share * votes / total * label_similarity(label, voted))
         })
         .sum();
     winners.max(mean)

@@ -41,31 +41,15 @@ const MATERIALS: &[(&str, &str)] = &[
 ];
 
 /// Phrases after which a caption says what a thing is for.
-const PURPOSES: &[&str] = &[
-    "used for ",
-    "used to ",
-    "meant for ",
-    "intended for ",
-    "suitable for ",
-    "for ",
-];
+const PURPOSES: &[&str] = &["used for ", "used to ", "meant for ", "intended for ", "suitable for ", "for "];
 
 /// What the caption says in words, and the name of the measured colour where the caption names none.
 pub fn attributes_of(caption: &str, color: Option<[u8; 3]>) -> BTreeMap<String, String> {
     let lower = caption.to_lowercase();
-    let words: Vec<&str> = lower
-        .split(|c: char| !c.is_alphanumeric())
-        .filter(|word| !word.is_empty())
-        .collect();
-    let said = words
-        .iter()
-        .find_map(|word| COLORS.iter().find(|color| *color == word));
-    let named = said
-        .map(|word| if *word == "gray" { "grey" } else { word })
-        .or(color.map(color_name));
-    let material = words
-        .iter()
-        .find_map(|word| MATERIALS.iter().find(|(said, _)| said == word));
+    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let said = words.iter().find_map(|word| COLORS.iter().find(|color| *color == word));
+    let named = said.map(|word| if *word == "gray" { "grey" } else { word }).or(color.map(color_name));
+    let material = words.iter().find_map(|word| MATERIALS.iter().find(|(said, _)| said == word));
     let mut attributes = BTreeMap::new();
     if let Some(color) = named {
         attributes.insert("color".to_owned(), color.to_owned());
@@ -150,10 +134,8 @@ mod tests {
 
     #[test]
     fn a_caption_says_colour_material_and_function() {
-        let found = attributes_of(
-            "A Red mug made of ceramic, used for drinking coffee, with a handle.",
-            Some([9, 9, 9]),
-        );
+        let found =
+            attributes_of("A Red mug made of ceramic, used for drinking coffee, with a handle.", Some([9, 9, 9]));
         assert_eq!(found["color"], "red");
         assert_eq!(found["material"], "ceramic");
         assert_eq!(found["function"], "drinking coffee");

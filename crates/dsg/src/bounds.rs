@@ -14,18 +14,12 @@ pub struct Aabb {
 impl Aabb {
     /// The box of one point: zero size.
     pub fn at(point: Point3<f64>) -> Aabb {
-        Aabb {
-            min: point,
-            max: point,
-        }
+        Aabb { min: point, max: point }
     }
 
     /// The box with this centre and these full side lengths.
     pub fn from_center(center: Point3<f64>, sides_m: Vector3<f64>) -> Aabb {
-        Aabb {
-            min: center - sides_m / 2.0,
-            max: center + sides_m / 2.0,
-        }
+        Aabb { min: center - sides_m / 2.0, max: center + sides_m / 2.0 }
     }
 
     /// The smallest box around the points; `None` for no points.
@@ -58,26 +52,17 @@ impl Aabb {
     /// The same box, `margin_m` larger on every side.
     pub fn inflated(&self, margin_m: f64) -> Aabb {
         let margin = Vector3::repeat(margin_m);
-        Aabb {
-            min: self.min - margin,
-            max: self.max + margin,
-        }
+        Aabb { min: self.min - margin, max: self.max + margin }
     }
 
     /// The smallest box that holds both.
     pub fn union(&self, other: &Aabb) -> Aabb {
-        Aabb {
-            min: self.min.inf(&other.min),
-            max: self.max.sup(&other.max),
-        }
+        Aabb { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
     }
 
     /// The common part, `None` if the boxes do not touch.
     pub fn intersection(&self, other: &Aabb) -> Option<Aabb> {
-        let both = Aabb {
-            min: self.min.sup(&other.min),
-            max: self.max.inf(&other.max),
-        };
+        let both = Aabb { min: self.min.sup(&other.min), max: self.max.inf(&other.max) };
         (0..3).all(|k| both.min[k] <= both.max[k]).then_some(both)
     }
 
@@ -88,10 +73,7 @@ impl Aabb {
 
     /// The point of the box nearest to `point` (the point itself if inside).
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
-        point
-            .coords
-            .zip_zip_map(&self.min.coords, &self.max.coords, f64::clamp)
-            .into()
+        point.coords.zip_zip_map(&self.min.coords, &self.max.coords, f64::clamp).into()
     }
 
     /// Distance from the box to a point; zero inside.
@@ -101,21 +83,13 @@ impl Aabb {
 
     /// Gap between two boxes; zero if they touch or overlap.
     pub fn gap_m(&self, other: &Aabb) -> f64 {
-        let gap = |k: usize| {
-            (self.min[k] - other.max[k])
-                .max(other.min[k] - self.max[k])
-                .max(0.0)
-        };
+        let gap = |k: usize| (self.min[k] - other.max[k]).max(other.min[k] - self.max[k]).max(0.0);
         Vector3::new(gap(0), gap(1), gap(2)).norm()
     }
 
     /// Gap between the footprints on the floor (x and y only); zero if they overlap.
     pub fn horizontal_gap_m(&self, other: &Aabb) -> f64 {
-        let gap = |k: usize| {
-            (self.min[k] - other.max[k])
-                .max(other.min[k] - self.max[k])
-                .max(0.0)
-        };
+        let gap = |k: usize| (self.min[k] - other.max[k]).max(other.min[k] - self.max[k]).max(0.0);
         gap(0).hypot(gap(1))
     }
 
@@ -126,11 +100,7 @@ impl Aabb {
         let share = |k: usize| {
             let common = self.max[k].min(other.max[k]) - self.min[k].max(other.min[k]);
             let smaller = (self.max[k] - self.min[k]).min(other.max[k] - other.min[k]);
-            if common < 0.0 {
-                0.0
-            } else {
-                (common.max(THIN_M) / smaller.max(THIN_M)).min(1.0)
-            }
+            if common < 0.0 { 0.0 } else { (common.max(THIN_M) / smaller.max(THIN_M)).min(1.0) }
         };
         share(0) * share(1)
     }
@@ -140,17 +110,12 @@ impl Aabb {
         let center = motion * self.center();
         let half = self.sides_m() / 2.0;
         let turned = motion.rotation.to_rotation_matrix().matrix().abs() * half;
-        Aabb {
-            min: center - turned,
-            max: center + turned,
-        }
+        Aabb { min: center - turned, max: center + turned }
     }
 
     /// Whether all six numbers are finite and `min <= max`.
     pub fn is_valid(&self) -> bool {
-        (0..3).all(|k| {
-            self.min[k].is_finite() && self.max[k].is_finite() && self.min[k] <= self.max[k]
-        })
+        (0..3).all(|k| self.min[k].is_finite() && self.max[k].is_finite() && self.min[k] <= self.max[k])
     }
 }
 
@@ -175,9 +140,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_swaps_sides() {
         let slab = Aabb::from_center(Point3::origin(), Vector3::new(4.0, 2.0, 1.0));
-        let turned = slab.transformed(&Isometry3::rotation(
-            Vector3::z() * std::f64::consts::FRAC_PI_2,
-        ));
+        let turned = slab.transformed(&Isometry3::rotation(Vector3::z() * std::f64::consts::FRAC_PI_2));
         assert!((turned.sides_m() - Vector3::new(2.0, 4.0, 1.0)).norm() < 1e-12);
     }
 }

@@ -6,17 +6,9 @@ use crate::object::Object;
 use crate::op::OpError;
 
 pub(crate) fn check_object(object: &Object) -> Result<(), OpError> {
-    let bad = |field| {
-        Err(OpError::BadNumber {
-            node: "object",
-            field,
-        })
-    };
+    let bad = |field| Err(OpError::BadNumber { node: "object", field });
     if object.label.trim().is_empty() {
-        return Err(OpError::BadName {
-            node: "object",
-            field: "label",
-        });
+        return Err(OpError::BadName { node: "object", field: "label" });
     }
     if !object.bounds.is_valid() {
         return bad("bounds");
@@ -25,11 +17,7 @@ pub(crate) fn check_object(object: &Object) -> Result<(), OpError> {
     if !(0.0..=1.0).contains(&object.label_margin) {
         return bad("label_margin");
     }
-    if object
-        .votes
-        .values()
-        .any(|votes| !(votes.is_finite() && *votes >= 0.0))
-    {
+    if object.votes.values().any(|votes| !(votes.is_finite() && *votes >= 0.0)) {
         return bad("votes");
     }
     if object.first_seen_ns > object.last_seen_ns {
@@ -38,40 +26,16 @@ pub(crate) fn check_object(object: &Object) -> Result<(), OpError> {
     Ok(())
 }
 
-pub(crate) fn check_point(
-    node: &'static str,
-    field: &'static str,
-    point: &Point3<f64>,
-) -> Result<(), OpError> {
-    if point.iter().all(|x| x.is_finite()) {
-        Ok(())
-    } else {
-        Err(OpError::BadNumber { node, field })
-    }
+pub(crate) fn check_point(node: &'static str, field: &'static str, point: &Point3<f64>) -> Result<(), OpError> {
+    if point.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(OpError::BadNumber { node, field }) }
 }
 
-pub(crate) fn check_range(
-    node: &'static str,
-    field: &'static str,
-    value: f64,
-    least: f64,
-) -> Result<(), OpError> {
-    if value.is_finite() && value >= least {
-        Ok(())
-    } else {
-        Err(OpError::BadNumber { node, field })
-    }
+pub(crate) fn check_range(node: &'static str, field: &'static str, value: f64, least: f64) -> Result<(), OpError> {
+    if value.is_finite() && value >= least { Ok(()) } else { Err(OpError::BadNumber { node, field }) }
 }
 
 pub(crate) fn check_pose(pose: &Isometry3<f64>) -> Result<(), OpError> {
     let rotation = pose.rotation.coords.iter().all(|x| x.is_finite());
     check_point("agent", "world_from_body", &pose.translation.vector.into())?;
-    if rotation {
-        Ok(())
-    } else {
-        Err(OpError::BadNumber {
-            node: "agent",
-            field: "world_from_body",
-        })
-    }
+    if rotation { Ok(()) } else { Err(OpError::BadNumber { node: "agent", field: "world_from_body" }) }
 }

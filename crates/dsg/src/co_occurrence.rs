@@ -57,10 +57,7 @@ pub(crate) type Shares = [f64; TOGETHER.len()];
 /// The sets a class belongs to.
 pub(crate) fn shares(label: &str) -> Shares {
     let share = |set: &&[&str]| {
-        set.iter()
-            .map(|class| label_similarity(class, label))
-            .filter(|s| *s >= 0.8)
-            .fold(0.0, f64::max)
+        set.iter().map(|class| label_similarity(class, label)).filter(|s| *s >= 0.8).fold(0.0, f64::max)
     };
     let mut shares = [0.0; TOGETHER.len()];
     for (slot, set) in shares.iter_mut().zip(TOGETHER) {
@@ -77,10 +74,6 @@ pub(crate) fn together(a: &Shares, b: &Shares) -> f64 {
 /// Rank of a class among supports, 0 for none.
 pub(crate) fn rank(label: &str) -> u32 {
     let exact = SUPPORTS.iter().find(|(class, _)| *class == label);
-    let narrower = || {
-        SUPPORTS
-            .iter()
-            .find(|(class, _)| label_similarity(class, label) >= 0.8)
-    };
+    let narrower = || SUPPORTS.iter().find(|(class, _)| label_similarity(class, label) >= 0.8);
     exact.or_else(narrower).map_or(0, |(_, rank)| *rank)
 }

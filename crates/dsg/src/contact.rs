@@ -12,11 +12,7 @@ const OPEN: &[&str] = &[
 ];
 
 /// On, inside or under by touching boxes.
-pub(crate) fn contact(
-    subject: &Object,
-    object: &Object,
-    config: &RelationConfig,
-) -> Option<RelationKind> {
+pub(crate) fn contact(subject: &Object, object: &Object, config: &RelationConfig) -> Option<RelationKind> {
     let (s, o) = (&subject.bounds, &object.bounds);
     let (s_size, o_size) = (s.sides_m(), o.sides_m());
     let is_over = s.footprint_overlap(o) >= 0.5 && s_size.x * s_size.y <= 1.5 * o_size.x * o_size.y;
@@ -27,15 +23,12 @@ pub(crate) fn contact(
         return Some(RelationKind::On);
     }
     let is_within = o.inflated(0.05).contains(&s.min) && o.inflated(0.05).contains(&s.max);
-    let is_open = OPEN
-        .iter()
-        .any(|open| object.label == *open || object.label.ends_with(&format!(" {open}")));
+    let is_open = OPEN.iter().any(|open| object.label == *open || object.label.ends_with(&format!(" {open}")));
     if is_open {
         // Chairs and sofas have backs, desks have screens: what rests on them lies within their box, above the middle.
         // What stands on the same floor beneath them lies within it too, below the top.
         let rests = s.min.z > o.center().z - 0.1 * o_size.z && s.min.z <= o.max.z;
-        let is_beneath =
-            s.center().z < o.center().z && s.max.z <= o.max.z - 0.05 && s_size.z < 0.9 * o_size.z;
+        let is_beneath = s.center().z < o.center().z && s.max.z <= o.max.z - 0.05 && s_size.z < 0.9 * o_size.z;
         return if rests && subject.bounds.volume_m3() < object.bounds.volume_m3() {
             Some(RelationKind::On)
         } else if is_beneath && s.footprint_overlap(o) >= 0.6 {
@@ -53,8 +46,5 @@ pub(crate) fn is_above(subject: &Object, object: &Object, config: &RelationConfi
     let gap_m = subject.bounds.min.z - object.bounds.max.z;
     gap_m > config.contact_m
         && gap_m <= config.above_m
-        && subject
-            .bounds
-            .footprint_overlap(&object.bounds.inflated(BEHIND_M))
-            >= 0.5
+        && subject.bounds.footprint_overlap(&object.bounds.inflated(BEHIND_M)) >= 0.5
 }

@@ -50,31 +50,17 @@ pub(crate) fn merge_duplicates(
 
 fn duplicate_of(graph: &SceneGraph, id: ObjectId, config: &AssociationConfig) -> Option<ObjectId> {
     let object = graph.object(id)?;
-    let near = graph
-        .objects()
-        .filter(|other| other.id != id && other.bounds.gap_m(&object.bounds) < 0.3);
-    near.filter(|other| is_duplicate(graph, object, other, config))
-        .map(|other| other.id)
-        .next()
+    let near = graph.objects().filter(|other| other.id != id && other.bounds.gap_m(&object.bounds) < 0.3);
+    near.filter(|other| is_duplicate(graph, object, other, config)).map(|other| other.id).next()
 }
 
 fn is_duplicate(graph: &SceneGraph, a: &Object, b: &Object, config: &AssociationConfig) -> bool {
-    let (small, large) = if a.bounds.diagonal_m() <= b.bounds.diagonal_m() {
-        (a, b)
-    } else {
-        (b, a)
-    };
-    let (Some(small_memory), Some(large_memory)) =
-        (graph.memory.get(&small.id), graph.memory.get(&large.id))
-    else {
+    let (small, large) = if a.bounds.diagonal_m() <= b.bounds.diagonal_m() { (a, b) } else { (b, a) };
+    let (Some(small_memory), Some(large_memory)) = (graph.memory.get(&small.id), graph.memory.get(&large.id)) else {
         return false;
     };
     let likeness = label_similarity(&a.label, &b.label);
-    let apart = graph
-        .memory
-        .get(&a.id.min(b.id))
-        .and_then(|memory| memory.apart.get(&a.id.max(b.id)))
-        .copied();
+    let apart = graph.memory.get(&a.id.min(b.id)).and_then(|memory| memory.apart.get(&a.id.max(b.id))).copied();
     let apart = apart.unwrap_or(0);
     let overlap = || large_memory.overlap(&small_memory.points(), config.reach_m);
     let is_tentative = !small.confirmed || !large.confirmed;
@@ -86,36 +72,28 @@ fn is_duplicate(graph: &SceneGraph, a: &Object, b: &Object, config: &Association
             return true;
         }
         // Never seen as two, and at most the drift apart: one thing, seen before and after the drift.
-        let both_sides = a
-            .bounds
-            .intersection(&b.bounds)
-            .map_or(0.0, |both| both.volume_m3());
+        let both_sides = a.bounds.intersection(&b.bounds).map_or(0.0, |both| both.volume_m3());
         let contained = both_sides / small.bounds.volume_m3().max(1e-6);
-        let age_s =
-            (a.last_seen_ns.max(b.last_seen_ns) - a.last_seen_ns.min(b.last_seen_ns)) as f64 * 1e-9;
+        let age_s = (a.last_seen_ns.max(b.last_seen_ns) - a.last_seen_ns.min(b.last_seen_ns)) as f64 * 1e-9;
         let sides_m = small.bounds.sides_m();
         let moved_m = (a.centroid - b.centroid).norm();
         let gate_m = 0.3 * sides_m.x.max(sides_m.y) / 2.0 + 0.7 * drift_m(age_s);
-        return apart < APART_FRAMES
-            && (contained >= 0.6 || (size_ratio >= 0.6 && moved_m <= gate_m));
+        return apart < APART_FRAMES && (contained >= 0.6 || (size_ratio >= 0.6 && moved_m <= gate_m));
     }
-    // Other names: a doubtful object that coincides with a believed one in place and size is a wrong name for it.
-    apart < APART_FRAMES && is_tentative && size_ratio >= 0.5 && overlap() >= 0.8
+    // Other names. Two things cannot fill the same space, and two things that lie in one view are seen as two sooner or
+    // later: what coincides in points and was never seen beside the other is a wrong name for it. A wrong name may last
+    // for seconds, so its being believed is no argument.
+    let is_same_size = size_ratio >= 0.5 && apart < APART_FRAMES;
+    let is_part = apart == 0 && small.observations.min(large.observations) >= config.confirm_observations;
+    (is_same_size || is_part) && overlap() >= 0.8
 }
 
-fn merge(
-    graph: &mut SceneGraph,
-    from: ObjectId,
-    into: ObjectId,
-    config: &AssociationConfig,
-) -> Result<(), OpError> {
+fn merge(graph: &mut SceneGraph, from: ObjectId, into: ObjectId, config: &AssociationConfig) -> Result<(), OpError> {
     graph.apply(Op::MergeObjects { from, into })?;
     if let Some(gone) = graph.memory.remove(&from) {
         graph.memory.entry(into).or_default().merge(gone);
     }
-    let SceneGraph {
-        objects, memory, ..
-    } = graph;
+    let SceneGraph { objects, memory, .. } = graph;
     let (Some(object), Some(memory)) = (objects.get(&into), memory.get_mut(&into)) else {
         return Ok(());
     };
@@ -133,8 +111,8 @@ fn merge(
     }
     object.color = memory.color().or(object.color);
     object.attributes = crate::attributes::attributes_of(&object.caption, object.color);
-    object.confirmed |= object.observations >= config.confirm_observations
-        && object.label_margin >= config.confirm_margin;
+    object.confirmed |=
+        object.observations >= config.confirm_observations && object.label_margin >= config.confirm_margin;
     graph.apply(Op::PutObject(Box::new(object)))?;
     Ok(())
 }
@@ -156,9 +134,7 @@ pub fn forget_ghosts(
 ) -> Result<Vec<ObjectId>, OpError> {
     config.validate()?;
     let mut gone = Vec::new();
-    let SceneGraph {
-        objects, memory, ..
-    } = graph;
+    let SceneGraph { objects, memory, .. } = graph;
     for object in objects.values() {
         if object.last_seen_ns >= now_ns {
             continue;
@@ -166,31 +142,19 @@ pub fn forget_ghosts(
         let Some(is_through) = seen_through(object) else {
             continue;
         };
-        let memory = memory
-            .entry(object.id)
-            .or_insert_with(|| crate::memory::ObjectMemory::from_box(object));
+        let memory = memory.entry(object.id).or_insert_with(|| crate::memory::ObjectMemory::from_box(object));
         memory.looks += 1;
         memory.looks_through += u32::from(is_through);
         let unconfirmed = !object.confirmed;
         // An object seen a few times needs more looks to be doubted than one seen once.
-        let is_ghost = unconfirmed
-            && memory.looks
-                >= config
-                    .ghost_looks
-                    .saturating_mul(object.observations.max(1));
-        let is_gone = memory.looks_through
-            >= if unconfirmed {
-                config.gone_looks.div_ceil(3)
-            } else {
-                config.gone_looks
-            };
+        let is_ghost = unconfirmed && memory.looks >= config.ghost_looks.saturating_mul(object.observations.max(1));
+        let is_gone =
+            memory.looks_through >= if unconfirmed { config.gone_looks.div_ceil(3) } else { config.gone_looks };
         if is_ghost || is_gone {
             gone.push(object.id);
         }
     }
-    graph.apply(Op::Batch(
-        gone.iter().map(|id| Op::RemoveObject(*id)).collect(),
-    ))?;
+    graph.apply(Op::Batch(gone.iter().map(|id| Op::RemoveObject(*id)).collect()))?;
     for id in &gone {
         graph.memory.remove(id);
     }

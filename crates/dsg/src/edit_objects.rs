@@ -25,12 +25,7 @@ impl Edit<'_> {
     }
 
     pub(crate) fn remove_object(&mut self, id: ObjectId) -> Result<(), OpError> {
-        let object = self
-            .graph
-            .objects
-            .get(&id)
-            .cloned()
-            .ok_or(OpError::NoObject(id))?;
+        let object = self.graph.objects.get(&id).cloned().ok_or(OpError::NoObject(id))?;
         self.remove_relations_of(id);
         if let Some(group) = object.group {
             self.leave_group(id, group);
@@ -56,17 +51,8 @@ impl Edit<'_> {
         if from == into {
             return Err(OpError::SelfJoin);
         }
-        let gone = self
-            .graph
-            .objects
-            .get(&from)
-            .cloned()
-            .ok_or(OpError::NoObject(from))?;
-        let mut merged = self
-            .graph
-            .object(into)
-            .ok_or(OpError::NoObject(into))?
-            .clone();
+        let gone = self.graph.objects.get(&from).cloned().ok_or(OpError::NoObject(from))?;
+        let mut merged = self.graph.object(into).ok_or(OpError::NoObject(into))?.clone();
         for (label, votes) in &gone.votes {
             *merged.votes.entry(label.clone()).or_insert(0.0) += votes;
         }
@@ -77,10 +63,7 @@ impl Edit<'_> {
             merged.caption = gone.caption.clone();
         }
         for (key, value) in &gone.attributes {
-            merged
-                .attributes
-                .entry(key.clone())
-                .or_insert_with(|| value.clone());
+            merged.attributes.entry(key.clone()).or_insert_with(|| value.clone());
         }
         merged.color = merged.color.or(gone.color);
         merged.bounds = merged.bounds.union(&gone.bounds);
@@ -101,17 +84,12 @@ impl Edit<'_> {
     pub(crate) fn put_group(&mut self, mut group: Group) -> Result<(), OpError> {
         check_point("group", "center", &group.center)?;
         if group.name.trim().is_empty() {
-            return Err(OpError::BadName {
-                node: "group",
-                field: "name",
-            });
+            return Err(OpError::BadName { node: "group", field: "name" });
         }
         group.members.sort_unstable();
         group.members.dedup();
         for member in group.members.iter().chain(&group.support) {
-            self.graph
-                .object(*member)
-                .ok_or(OpError::NoObject(*member))?;
+            self.graph.object(*member).ok_or(OpError::NoObject(*member))?;
         }
         if group.members.len() < 2 {
             return Err(OpError::SmallGroup(group.id));
@@ -119,18 +97,9 @@ impl Edit<'_> {
         if let Some(room) = group.room {
             self.graph.room(room).ok_or(OpError::NoRoom(room))?;
         }
-        group.support = group
-            .support
-            .filter(|support| group.members.binary_search(support).is_ok());
-        let old = self
-            .graph
-            .group(group.id)
-            .map(|known| known.members.clone())
-            .unwrap_or_default();
-        for member in old
-            .iter()
-            .filter(|member| group.members.binary_search(member).is_err())
-        {
+        group.support = group.support.filter(|support| group.members.binary_search(support).is_ok());
+        let old = self.graph.group(group.id).map(|known| known.members.clone()).unwrap_or_default();
+        for member in old.iter().filter(|member| group.members.binary_search(member).is_err()) {
             self.set_group_of_object(*member, None);
         }
         for member in group.members.clone() {
@@ -145,12 +114,7 @@ impl Edit<'_> {
     }
 
     pub(crate) fn remove_group(&mut self, id: GroupId) -> Result<(), OpError> {
-        let group = self
-            .graph
-            .groups
-            .get(&id)
-            .cloned()
-            .ok_or(OpError::NoGroup(id))?;
+        let group = self.graph.groups.get(&id).cloned().ok_or(OpError::NoGroup(id))?;
         for member in &group.members {
             self.set_group_of_object(*member, None);
         }
@@ -177,16 +141,8 @@ impl Edit<'_> {
     }
 
     pub(crate) fn set_group_of_object(&mut self, id: ObjectId, group: Option<GroupId>) {
-        if let Some(object) = self
-            .graph
-            .objects
-            .get(&id)
-            .filter(|object| object.group != group)
-        {
-            let changed = Object {
-                group,
-                ..(**object).clone()
-            };
+        if let Some(object) = self.graph.objects.get(&id).filter(|object| object.group != group) {
+            let changed = Object { group, ..(**object).clone() };
             self.set_object(id, Some(Arc::new(changed)));
         }
     }
@@ -197,11 +153,7 @@ impl Edit<'_> {
         if let Verdict::Blocked(point) = &relation.evidence.verdict {
             check_point("relation", "blocked", point)?;
         }
-        let ends = [
-            Some(relation.subject),
-            Some(relation.object),
-            relation.other,
-        ];
+        let ends = [Some(relation.subject), Some(relation.object), relation.other];
         for id in ends.into_iter().flatten() {
             self.graph.object(id).ok_or(OpError::NoObject(id))?;
         }

@@ -26,21 +26,10 @@ impl Edit<'_> {
         for other in neighbours {
             self.set_place_edge((id.min(other), id.max(other)), None);
         }
-        let objects: Vec<Arc<Object>> = self
-            .graph
-            .objects
-            .values()
-            .filter(|object| object.place == Some(id))
-            .cloned()
-            .collect();
+        let objects: Vec<Arc<Object>> =
+            self.graph.objects.values().filter(|object| object.place == Some(id)).cloned().collect();
         for object in objects {
-            self.set_object(
-                object.id,
-                Some(Arc::new(Object {
-                    place: None,
-                    ..(*object).clone()
-                })),
-            );
+            self.set_object(object.id, Some(Arc::new(Object { place: None, ..(*object).clone() })));
         }
         if let Some(room) = place.room {
             self.leave_room(id, room);
@@ -82,30 +71,17 @@ impl Edit<'_> {
         for place in &room.places {
             self.graph.place(*place).ok_or(OpError::NoPlace(*place))?;
         }
-        let old = self
-            .graph
-            .room(room.id)
-            .map(|known| known.places.clone())
-            .unwrap_or_default();
-        for place in old
-            .iter()
-            .filter(|place| room.places.binary_search(place).is_err())
-        {
+        let old = self.graph.room(room.id).map(|known| known.places.clone()).unwrap_or_default();
+        for place in old.iter().filter(|place| room.places.binary_search(place).is_err()) {
             self.set_room_of_place(*place, None);
         }
         // Places that come from other rooms, room by room: one change per room, not one per place.
-        let mut others: Vec<RoomId> = room
-            .places
-            .iter()
-            .filter_map(|place| self.graph.places[place].room)
-            .collect();
+        let mut others: Vec<RoomId> = room.places.iter().filter_map(|place| self.graph.places[place].room).collect();
         others.sort_unstable();
         others.dedup();
         for other in others.into_iter().filter(|other| *other != room.id) {
             if let Some(mut changed) = self.graph.room(other).cloned() {
-                changed
-                    .places
-                    .retain(|place| room.places.binary_search(place).is_err());
+                changed.places.retain(|place| room.places.binary_search(place).is_err());
                 self.set_room(other, Some(Arc::new(changed)));
             }
         }
@@ -117,15 +93,9 @@ impl Edit<'_> {
     }
 
     pub(crate) fn check_room_name(&self, id: RoomId, name: &str) -> Result<(), OpError> {
-        let taken = self
-            .graph
-            .rooms()
-            .any(|room| room.id != id && room.name == name);
+        let taken = self.graph.rooms().any(|room| room.id != id && room.name == name);
         if name.trim().is_empty() || taken {
-            return Err(OpError::BadName {
-                node: "room",
-                field: "name",
-            });
+            return Err(OpError::BadName { node: "room", field: "name" });
         }
         Ok(())
     }
@@ -136,64 +106,27 @@ impl Edit<'_> {
     }
 
     pub(crate) fn remove_room(&mut self, id: RoomId) -> Result<(), OpError> {
-        let room = self
-            .graph
-            .rooms
-            .get(&id)
-            .cloned()
-            .ok_or(OpError::NoRoom(id))?;
+        let room = self.graph.rooms.get(&id).cloned().ok_or(OpError::NoRoom(id))?;
         for place in &room.places {
             self.set_room_of_place(*place, None);
         }
-        let objects: Vec<Arc<Object>> = self
-            .graph
-            .objects
-            .values()
-            .filter(|object| object.room == Some(id))
-            .cloned()
-            .collect();
+        let objects: Vec<Arc<Object>> =
+            self.graph.objects.values().filter(|object| object.room == Some(id)).cloned().collect();
         for object in objects {
-            self.set_object(
-                object.id,
-                Some(Arc::new(Object {
-                    room: None,
-                    ..(*object).clone()
-                })),
-            );
+            self.set_object(object.id, Some(Arc::new(Object { room: None, ..(*object).clone() })));
         }
-        let groups: Vec<Arc<Group>> = self
-            .graph
-            .groups
-            .values()
-            .filter(|group| group.room == Some(id))
-            .cloned()
-            .collect();
+        let groups: Vec<Arc<Group>> =
+            self.graph.groups.values().filter(|group| group.room == Some(id)).cloned().collect();
         for group in groups {
-            self.set_group(
-                group.id,
-                Some(Arc::new(Group {
-                    room: None,
-                    ..(*group).clone()
-                })),
-            );
+            self.set_group(group.id, Some(Arc::new(Group { room: None, ..(*group).clone() })));
         }
-        let doors: Vec<(RoomId, RoomId)> = self
-            .graph
-            .room_edges
-            .keys()
-            .filter(|(a, b)| *a == id || *b == id)
-            .copied()
-            .collect();
+        let doors: Vec<(RoomId, RoomId)> =
+            self.graph.room_edges.keys().filter(|(a, b)| *a == id || *b == id).copied().collect();
         for door in doors {
             self.set_room_edge(door, None);
         }
-        let buildings: Vec<Arc<Building>> = self
-            .graph
-            .buildings
-            .values()
-            .filter(|building| building.rooms.contains(&id))
-            .cloned()
-            .collect();
+        let buildings: Vec<Arc<Building>> =
+            self.graph.buildings.values().filter(|building| building.rooms.contains(&id)).cloned().collect();
         for building in buildings {
             let mut changed = (*building).clone();
             changed.rooms.retain(|member| *member != id);
@@ -207,14 +140,7 @@ impl Edit<'_> {
         let room = self.graph.room(id).ok_or(OpError::NoRoom(id))?.clone();
         let name = name.trim().to_owned();
         self.check_room_name(id, &name)?;
-        self.set_room(
-            id,
-            Some(Arc::new(Room {
-                name,
-                is_user_named: true,
-                ..room
-            })),
-        );
+        self.set_room(id, Some(Arc::new(Room { name, is_user_named: true, ..room })));
         Ok(())
     }
 

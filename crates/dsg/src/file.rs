@@ -59,85 +59,36 @@ pub(crate) fn document(graph: &SceneGraph, mesh: Option<&MeshReference>) -> Vec<
     head.insert("version".into(), json!({ "major": MAJOR, "minor": MINOR }));
     head.insert("revision".into(), json!(graph.revision));
     let next = graph.next;
-    head.insert(
-        "next_ids".into(),
-        json!({ "object": next.object, "room": next.room, "group": next.group }),
-    );
+    head.insert("next_ids".into(), json!({ "object": next.object, "room": next.room, "group": next.group }));
     head.insert("metadata".into(), Value::Object(graph.metadata.clone()));
     if let Some(mesh) = mesh {
-        let record = json!({ "file": mesh.file, "sha256": mesh.sha256, "vertices": mesh.vertices, "faces": mesh.faces });
+        let record =
+            json!({ "file": mesh.file, "sha256": mesh.sha256, "vertices": mesh.vertices, "faces": mesh.faces });
         head.insert("mesh".into(), record);
     }
     head.extend(graph.unknown_fields.get("").cloned().unwrap_or_default());
     out.extend_from_slice(b"{\n");
     // The head in reading order, not in that of the alphabet.
-    let order = [
-        "schema", "version", "revision", "next_ids", "metadata", "mesh",
-    ];
-    let first = order
-        .iter()
-        .filter_map(|key| head.remove(*key).map(|value| ((*key).to_owned(), value)));
+    let order = ["schema", "version", "revision", "next_ids", "metadata", "mesh"];
+    let first = order.iter().filter_map(|key| head.remove(*key).map(|value| ((*key).to_owned(), value)));
     for (key, value) in first.collect::<Vec<_>>().into_iter().chain(head) {
         out.extend_from_slice(format!("{}: {value},\n", json!(key)).as_bytes());
     }
     let mut writer = Lists { out, graph };
-    writer.list(
-        "objects",
-        graph
-            .objects()
-            .map(|o| (o.id.to_string(), records::from_object(o))),
-    );
-    writer.list(
-        "places",
-        graph
-            .places()
-            .map(|p| (p.id.to_string(), records::from_place(p))),
-    );
-    let edges = graph
-        .place_edges()
-        .map(|e| (format!("{}-{}", e.a, e.b), records::from_place_edge(e)));
+    writer.list("objects", graph.objects().map(|o| (o.id.to_string(), records::from_object(o))));
+    writer.list("places", graph.places().map(|p| (p.id.to_string(), records::from_place(p))));
+    let edges = graph.place_edges().map(|e| (format!("{}-{}", e.a, e.b), records::from_place_edge(e)));
     writer.list("place_edges", edges);
-    writer.list(
-        "rooms",
-        graph
-            .rooms()
-            .map(|r| (r.id.to_string(), records::from_room(r))),
-    );
-    let edges = graph
-        .room_edges()
-        .map(|e| (format!("{}-{}", e.a, e.b), records::from_room_edge(e)));
+    writer.list("rooms", graph.rooms().map(|r| (r.id.to_string(), records::from_room(r))));
+    let edges = graph.room_edges().map(|e| (format!("{}-{}", e.a, e.b), records::from_room_edge(e)));
     writer.list("room_edges", edges);
-    writer.list(
-        "buildings",
-        graph
-            .buildings()
-            .map(|b| (b.id.to_string(), records::from_building(b))),
-    );
-    writer.list(
-        "groups",
-        graph
-            .groups()
-            .map(|g| (g.id.to_string(), records::from_group(g))),
-    );
-    let relations = graph
-        .relations
-        .values()
-        .map(|r| (format!("{:?}", r.key()), records::from_relation(r)));
+    writer.list("buildings", graph.buildings().map(|b| (b.id.to_string(), records::from_building(b))));
+    writer.list("groups", graph.groups().map(|g| (g.id.to_string(), records::from_group(g))));
+    let relations = graph.relations.values().map(|r| (format!("{:?}", r.key()), records::from_relation(r)));
     writer.list("relations", relations);
-    writer.list(
-        "agents",
-        graph
-            .agents()
-            .map(|a| (a.id.to_string(), records::from_agent(a))),
-    );
-    let known = graph
-        .memory
-        .iter()
-        .filter(|(id, _)| graph.object(**id).is_some());
-    writer.list(
-        "memory",
-        known.map(|(id, memory)| (String::new(), records::from_memory(*id, memory))),
-    );
+    writer.list("agents", graph.agents().map(|a| (a.id.to_string(), records::from_agent(a))));
+    let known = graph.memory.iter().filter(|(id, _)| graph.object(**id).is_some());
+    writer.list("memory", known.map(|(id, memory)| (String::new(), records::from_memory(*id, memory))));
     let mut out = writer.out;
     out.truncate(out.len() - 2);
     out.extend_from_slice(b"\n}\n");
@@ -152,8 +103,7 @@ struct Lists<'a> {
 
 impl Lists<'_> {
     fn list(&mut self, name: &str, records: impl Iterator<Item = (String, Map<String, Value>)>) {
-        self.out
-            .extend_from_slice(format!("\"{name}\": [").as_bytes());
+        self.out.extend_from_slice(format!("\"{name}\": [").as_bytes());
         let mut separator = "\n";
         for (key, mut record) in records {
             if let Some(unknown) = self.graph.unknown_fields.get(&format!("{name}/{key}")) {
@@ -162,36 +112,25 @@ impl Lists<'_> {
                 }
             }
             self.out.extend_from_slice(separator.as_bytes());
-            self.out
-                .extend_from_slice(Value::Object(record).to_string().as_bytes());
+            self.out.extend_from_slice(Value::Object(record).to_string().as_bytes());
             separator = ",\n";
         }
         self.out.extend_from_slice(b"],\n");
     }
 }
 
-pub(crate) fn read_document(
-    bytes: &[u8],
-) -> Result<(SceneGraph, Option<MeshReference>), LoadError> {
+pub(crate) fn read_document(bytes: &[u8]) -> Result<(SceneGraph, Option<MeshReference>), LoadError> {
     let value = parse(bytes)?;
     let root = Cursor::root(&value);
     let schema = root.get("schema")?;
     if schema.str()? != SCHEMA {
-        return Err(LoadError::Schema {
-            path: schema.path(),
-        });
+        return Err(LoadError::Schema { path: schema.path() });
     }
     let major = root.get("version")?.get("major")?.u64()?;
     if major > MAJOR {
-        return Err(LoadError::NewerVersion {
-            major,
-            supported: MAJOR,
-        });
+        return Err(LoadError::NewerVersion { major, supported: MAJOR });
     }
-    let mut loader = Loader {
-        graph: SceneGraph::new(),
-        unknown: BTreeMap::new(),
-    };
+    let mut loader = Loader { graph: SceneGraph::new(), unknown: BTreeMap::new() };
     loader.keep_unknown("", &root, DOCUMENT)?;
     loader.nodes(&root)?;
     let Loader { mut graph, unknown } = loader;
@@ -199,11 +138,7 @@ pub(crate) fn read_document(
     graph.metadata = records::metadata(&root)?;
     if let Some(next) = root.find("next_ids") {
         let mut read = NextIds { ..graph.next };
-        for (field, slot) in [
-            ("object", &mut read.object),
-            ("room", &mut read.room),
-            ("group", &mut read.group),
-        ] {
+        for (field, slot) in [("object", &mut read.object), ("room", &mut read.room), ("group", &mut read.group)] {
             *slot = (*slot).max(next.get(field)?.u64()?);
         }
         graph.next = read;
@@ -250,11 +185,7 @@ impl Loader {
                 graph.place(id).ok_or_else(|| at.dangling(id.0))?;
             }
             let is_new = graph.place_edge(edge.a, edge.b).is_none();
-            Ok((
-                format!("{}-{}", edge.a, edge.b),
-                is_new,
-                vec![Op::PutPlaceEdge(edge)],
-            ))
+            Ok((format!("{}-{}", edge.a, edge.b), is_new, vec![Op::PutPlaceEdge(edge)]))
         })?;
         self.each(root, "rooms", records::ROOM, |graph, at| {
             let room = records::room(at)?;
@@ -264,11 +195,7 @@ impl Loader {
                 // A place in two rooms.
                 is_new &= place.room.is_none();
             }
-            Ok((
-                room.id.to_string(),
-                is_new,
-                vec![Op::PutRoom(Box::new(room))],
-            ))
+            Ok((room.id.to_string(), is_new, vec![Op::PutRoom(Box::new(room))]))
         })?;
         self.each(root, "room_edges", records::ROOM_EDGE, |graph, at| {
             let edge = records::room_edge(at)?;
@@ -276,11 +203,7 @@ impl Loader {
                 graph.room(id).ok_or_else(|| at.dangling(id.0))?;
             }
             let is_new = !graph.room_edges.contains_key(&(edge.a, edge.b));
-            Ok((
-                format!("{}-{}", edge.a, edge.b),
-                is_new,
-                vec![Op::PutRoomEdge(edge)],
-            ))
+            Ok((format!("{}-{}", edge.a, edge.b), is_new, vec![Op::PutRoomEdge(edge)]))
         })?;
         self.each(root, "buildings", records::BUILDING, |graph, at| {
             let building = records::building(at)?;
@@ -288,11 +211,7 @@ impl Loader {
                 graph.room(*id).ok_or_else(|| at.dangling(id.0))?;
             }
             let is_new = graph.building(building.id).is_none();
-            Ok((
-                building.id.to_string(),
-                is_new,
-                vec![Op::PutBuilding(Box::new(building))],
-            ))
+            Ok((building.id.to_string(), is_new, vec![Op::PutBuilding(Box::new(building))]))
         })?;
         self.each(root, "objects", records::OBJECT, |graph, at| {
             let object = records::object(at)?;
@@ -303,11 +222,7 @@ impl Loader {
                 return Err(at.get("place")?.dangling(id.0));
             }
             let is_new = graph.object(object.id).is_none();
-            Ok((
-                object.id.to_string(),
-                is_new,
-                vec![Op::PutObject(Box::new(object))],
-            ))
+            Ok((object.id.to_string(), is_new, vec![Op::PutObject(Box::new(object))]))
         })?;
         self.each(root, "groups", records::GROUP, |graph, at| {
             let group = records::group(at)?;
@@ -319,39 +234,20 @@ impl Loader {
             if let Some(id) = group.room.filter(|id| graph.room(*id).is_none()) {
                 return Err(at.get("room")?.dangling(id.0));
             }
-            Ok((
-                group.id.to_string(),
-                is_new,
-                vec![Op::PutGroup(Box::new(group))],
-            ))
+            Ok((group.id.to_string(), is_new, vec![Op::PutGroup(Box::new(group))]))
         })?;
         self.each(root, "relations", records::RELATION, |graph, at| {
             let relation = records::relation(at)?;
-            for id in [
-                Some(relation.subject),
-                Some(relation.object),
-                relation.other,
-            ]
-            .into_iter()
-            .flatten()
-            {
+            for id in [Some(relation.subject), Some(relation.object), relation.other].into_iter().flatten() {
                 graph.object(id).ok_or_else(|| at.dangling(id.0))?;
             }
             let is_new = !graph.relations.contains_key(&relation.key());
-            Ok((
-                format!("{:?}", relation.key()),
-                is_new,
-                vec![Op::PutRelation(relation)],
-            ))
+            Ok((format!("{:?}", relation.key()), is_new, vec![Op::PutRelation(relation)]))
         })?;
         self.each(root, "agents", records::AGENT, |graph, at| {
             let agent = records::agent(at)?;
             let is_new = graph.agent(agent.id).is_none();
-            Ok((
-                agent.id.to_string(),
-                is_new,
-                vec![Op::PutAgent(Box::new(agent))],
-            ))
+            Ok((agent.id.to_string(), is_new, vec![Op::PutAgent(Box::new(agent))]))
         })?;
         if let Some(list) = root.find("memory") {
             for item in list.items()? {

@@ -59,12 +59,7 @@ pub fn save(dir: &Path, graph: &SceneGraph, mesh: Option<&MeshPly>) -> Result<()
             }
             write_atomically(&path, mesh.bytes)?;
             let (vertices, faces) = (mesh.vertices, mesh.faces);
-            Some(MeshReference {
-                file: MESH_FILE.to_owned(),
-                sha256,
-                vertices,
-                faces,
-            })
+            Some(MeshReference { file: MESH_FILE.to_owned(), sha256, vertices, faces })
         }
         None => None,
     };
@@ -89,9 +84,7 @@ pub fn load(dir: &Path) -> Result<Loaded, LoadError> {
     if log.exists() {
         read_log(&mut graph, &read(&log)?)?;
     }
-    let mesh = reference
-        .map(|reference| load_mesh(dir, &reference))
-        .transpose()?;
+    let mesh = reference.map(|reference| load_mesh(dir, &reference)).transpose()?;
     Ok(Loaded { graph, mesh })
 }
 
@@ -108,17 +101,11 @@ fn load_mesh(dir: &Path, reference: &MeshReference) -> Result<Vec<u8>, LoadError
             }
         }
     }
-    Err(if is_there {
-        LoadError::MeshHash { path }
-    } else {
-        LoadError::MeshMissing { path }
-    })
+    Err(if is_there { LoadError::MeshHash { path } } else { LoadError::MeshMissing { path } })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    let size = fs::metadata(path)
-        .map_err(|source| io_error(path, source))?
-        .len();
+    let size = fs::metadata(path).map_err(|source| io_error(path, source))?.len();
     let bytes = usize::try_from(size).unwrap_or(usize::MAX);
     if bytes > MAX_BYTES {
         return Err(LoadError::TooLarge { bytes });
@@ -161,23 +148,16 @@ fn sync_folder_of(path: &Path) -> Result<(), LoadError> {
     };
     // Only Unix can open a folder to sync it.
     #[cfg(unix)]
-    File::open(if dir.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        dir
-    })
-    .and_then(|folder| folder.sync_all())
-    .map_err(|source| io_error(dir, source))?;
+    File::open(if dir.as_os_str().is_empty() { Path::new(".") } else { dir })
+        .and_then(|folder| folder.sync_all())
+        .map_err(|source| io_error(dir, source))?;
     #[cfg(not(unix))]
     let _ = dir;
     Ok(())
 }
 
 fn io_error(path: &Path, source: io::Error) -> LoadError {
-    LoadError::Io {
-        path: PathBuf::from(path),
-        source,
-    }
+    LoadError::Io { path: PathBuf::from(path), source }
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -59,11 +59,7 @@ pub(crate) struct NextIds {
 
 impl Default for NextIds {
     fn default() -> NextIds {
-        NextIds {
-            object: 1,
-            room: 1,
-            group: 1,
-        }
+        NextIds { object: 1, room: 1, group: 1 }
     }
 }
 
@@ -145,11 +141,7 @@ impl SceneGraph {
 
     /// The places joined to a place.
     pub fn place_neighbours(&self, id: PlaceId) -> impl Iterator<Item = PlaceId> {
-        self.place_neighbours
-            .get(&id)
-            .into_iter()
-            .flatten()
-            .copied()
+        self.place_neighbours.get(&id).into_iter().flatten().copied()
     }
 
     /// All rooms.
@@ -169,10 +161,7 @@ impl SceneGraph {
 
     /// The ways out of a room, by the id of the room on the other side.
     pub fn doors_of(&self, id: RoomId) -> Vec<&RoomEdge> {
-        let mut doors: Vec<&RoomEdge> = self
-            .room_edges()
-            .filter(|edge| edge.other(id).is_some())
-            .collect();
+        let mut doors: Vec<&RoomEdge> = self.room_edges().filter(|edge| edge.other(id).is_some()).collect();
         doors.sort_by_key(|edge| edge.other(id));
         doors
     }
@@ -209,70 +198,43 @@ impl SceneGraph {
 
     /// The relations that hold, by (subject, kind, object).
     pub fn relations(&self) -> impl Iterator<Item = &Relation> {
-        self.relations
-            .values()
-            .filter(|relation| relation.evidence.verdict == Verdict::Holds)
+        self.relations.values().filter(|relation| relation.evidence.verdict == Verdict::Holds)
     }
 
     /// The relations that were pruned (Eq. 6) or rejected (Eq. 7), with the reason.
     pub fn dropped_relations(&self) -> impl Iterator<Item = &Relation> {
-        self.relations
-            .values()
-            .filter(|relation| relation.evidence.verdict != Verdict::Holds)
+        self.relations.values().filter(|relation| relation.evidence.verdict != Verdict::Holds)
     }
 
     /// The relations that hold with this object on any side.
     pub fn relations_of(&self, id: ObjectId) -> impl Iterator<Item = &Relation> {
         let first = (id, crate::relation::RelationKind::Near, ObjectId(0), None);
-        let as_subject = self
-            .relations
-            .range(first..)
-            .take_while(move |(key, _)| key.0 == id)
-            .map(|(_, r)| r);
-        let as_object = self
-            .relations_to
-            .get(&id)
-            .into_iter()
-            .flatten()
-            .filter_map(|key| self.relations.get(key));
-        as_subject
-            .chain(as_object)
-            .filter(|relation| relation.evidence.verdict == Verdict::Holds)
+        let as_subject = self.relations.range(first..).take_while(move |(key, _)| key.0 == id).map(|(_, r)| r);
+        let as_object = self.relations_to.get(&id).into_iter().flatten().filter_map(|key| self.relations.get(key));
+        as_subject.chain(as_object).filter(|relation| relation.evidence.verdict == Verdict::Holds)
     }
 
     /// The objects of a room.
     pub fn objects_in(&self, room: RoomId) -> Vec<&Object> {
-        self.objects()
-            .filter(|object| object.room == Some(room))
-            .collect()
+        self.objects().filter(|object| object.room == Some(room)).collect()
     }
 
     /// The place nearest to a point; of equals the one with the smaller id.
     pub fn place_nearest(&self, point: &Point3<f64>) -> Option<&Place> {
-        self.places().min_by(|a, b| {
-            (a.position - point)
-                .norm_squared()
-                .total_cmp(&(b.position - point).norm_squared())
-        })
+        self.places().min_by(|a, b| (a.position - point).norm_squared().total_cmp(&(b.position - point).norm_squared()))
     }
 
     /// The room of a point: that of the place whose free sphere it is deepest in or nearest to. `None` without rooms.
     pub fn room_at(&self, point: &Point3<f64>) -> Option<RoomId> {
         let outside_m = |place: &Place| (place.position - point).norm() - place.clearance_m;
         let with_room = self.places().filter(|place| place.room.is_some());
-        with_room
-            .min_by(|a, b| outside_m(a).total_cmp(&outside_m(b)))
-            .and_then(|place| place.room)
+        with_room.min_by(|a, b| outside_m(a).total_cmp(&outside_m(b))).and_then(|place| place.room)
     }
 
     /// The objects whose boxes come within `radius_m` of a point, nearest first (ties by id), with the distance to the box.
     pub fn objects_within(&self, point: &Point3<f64>, radius_m: f64) -> Vec<(&Object, f64)> {
-        let distances = self
-            .objects()
-            .map(|object| (object, object.bounds.distance_to_point_m(point)));
-        let mut near: Vec<(&Object, f64)> = distances
-            .filter(|(_, distance_m)| *distance_m <= radius_m)
-            .collect();
+        let distances = self.objects().map(|object| (object, object.bounds.distance_to_point_m(point)));
+        let mut near: Vec<(&Object, f64)> = distances.filter(|(_, distance_m)| *distance_m <= radius_m).collect();
         near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.id.cmp(&b.0.id)));
         near
     }

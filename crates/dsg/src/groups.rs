@@ -34,13 +34,7 @@ pub struct GroupConfig {
 
 impl Default for GroupConfig {
     fn default() -> GroupConfig {
-        GroupConfig {
-            reach_m: 1.5,
-            decay_m: 0.8,
-            min_affinity: 0.35,
-            hysteresis: 0.1,
-            max_extent_m: 4.0,
-        }
+        GroupConfig { reach_m: 1.5, decay_m: 0.8, min_affinity: 0.35, hysteresis: 0.1, max_extent_m: 4.0 }
     }
 }
 
@@ -54,17 +48,11 @@ impl GroupConfig {
             ("max_extent_m", self.max_extent_m),
         ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(ConfigError {
-                    field,
-                    rule: "positive and finite",
-                });
+                return Err(ConfigError { field, rule: "positive and finite" });
             }
         }
         if !(self.hysteresis >= 0.0 && self.hysteresis.is_finite()) {
-            return Err(ConfigError {
-                field: "hysteresis",
-                rule: "finite and not negative",
-            });
+            return Err(ConfigError { field: "hysteresis", rule: "finite and not negative" });
         }
         Ok(())
     }
@@ -84,64 +72,36 @@ pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64
         Some(rank) => *rank,
         None => *ranks.entry(label.to_owned()).or_insert_with(|| rank(label)),
     };
-    let mut groups: Vec<Group> = clusters
-        .iter()
-        .zip(&ids)
-        .map(|(members, id)| describe(graph, members, *id, &mut rank_of))
-        .collect();
+    let mut groups: Vec<Group> =
+        clusters.iter().zip(&ids).map(|(members, id)| describe(graph, members, *id, &mut rank_of)).collect();
     name_groups(graph, &mut groups);
-    let gone = graph
-        .groups()
-        .map(|group| group.id)
-        .filter(|id| !ids.contains(id));
+    let gone = graph.groups().map(|group| group.id).filter(|id| !ids.contains(id));
     let mut ops: Vec<Op> = gone.map(Op::RemoveGroup).collect();
     // Members that change group leave first, so that no group is put with a member it loses again.
     for group in &groups {
-        if graph
-            .group(group.id)
-            .is_some_and(|known| known.members != group.members)
-        {
+        if graph.group(group.id).is_some_and(|known| known.members != group.members) {
             ops.push(Op::RemoveGroup(group.id));
         }
     }
-    ops.extend(
-        groups
-            .into_iter()
-            .map(|group| Op::PutGroup(Box::new(group))),
-    );
+    ops.extend(groups.into_iter().map(|group| Op::PutGroup(Box::new(group))));
     Ok(graph.apply(Op::Batch(ops))?.revision)
 }
 
 fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>> {
-    let objects: Vec<&Object> = graph
-        .confirmed_objects()
-        .filter(|object| object.room.is_some() && !object.is_dynamic())
-        .collect();
+    let objects: Vec<&Object> =
+        graph.confirmed_objects().filter(|object| object.room.is_some() && !object.is_dynamic()).collect();
     // There are far fewer classes than objects, and far fewer objects than pairs.
     let mut of_label: BTreeMap<&str, Shares> = BTreeMap::new();
     for object in &objects {
-        of_label
-            .entry(&object.label)
-            .or_insert_with(|| shares(&object.label));
+        of_label.entry(&object.label).or_insert_with(|| shares(&object.label));
     }
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     let mut order: Vec<usize> = (0..objects.len()).collect();
-    order.sort_by(|a, b| {
-        objects[*a]
-            .bounds
-            .min
-            .x
-            .total_cmp(&objects[*b].bounds.min.x)
-            .then(a.cmp(b))
-    });
+    order.sort_by(|a, b| objects[*a].bounds.min.x.total_cmp(&objects[*b].bounds.min.x).then(a.cmp(b)));
     for (at, &i) in order.iter().enumerate() {
         let reach = objects[i].bounds.max.x + config.reach_m;
-        for &j in order[at + 1..]
-            .iter()
-            .take_while(|&&j| objects[j].bounds.min.x <= reach)
-        {
-            let co_occurrence =
-                || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
+        for &j in order[at + 1..].iter().take_while(|&&j| objects[j].bounds.min.x <= reach) {
+            let co_occurrence = || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
             let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
             if affinity > config.min_affinity {
                 pairs.push((affinity, i.min(j), i.max(j)));
@@ -151,15 +111,10 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
 
     let mut cluster_of: Vec<usize> = (0..objects.len()).collect();
-    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> = objects
-        .iter()
-        .map(|object| (object.bounds, BTreeSet::from([object.id])))
-        .collect();
+    let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> =
+        objects.iter().map(|object| (object.bounds, BTreeSet::from([object.id]))).collect();
     for (_, i, j) in pairs {
-        let (a, b) = (
-            cluster_of[i].min(cluster_of[j]),
-            cluster_of[i].max(cluster_of[j]),
-        );
+        let (a, b) = (cluster_of[i].min(cluster_of[j]), cluster_of[i].max(cluster_of[j]));
         if a == b {
             continue;
         }
@@ -169,26 +124,13 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
             let members = std::mem::take(&mut clusters[b].1);
             clusters[a].0 = joined;
             clusters[a].1.extend(members);
-            cluster_of
-                .iter_mut()
-                .filter(|cluster| **cluster == b)
-                .for_each(|cluster| *cluster = a);
+            cluster_of.iter_mut().filter(|cluster| **cluster == b).for_each(|cluster| *cluster = a);
         }
     }
-    clusters
-        .into_iter()
-        .map(|(_, members)| members)
-        .filter(|members| members.len() >= 2)
-        .collect()
+    clusters.into_iter().map(|(_, members)| members).filter(|members| members.len() >= 2).collect()
 }
 
-fn affinity(
-    graph: &SceneGraph,
-    a: &Object,
-    b: &Object,
-    co_occurrence: impl Fn() -> f64,
-    config: &GroupConfig,
-) -> f64 {
+fn affinity(graph: &SceneGraph, a: &Object, b: &Object, co_occurrence: impl Fn() -> f64, config: &GroupConfig) -> f64 {
     if a.room != b.room {
         return 0.0;
     }
@@ -197,21 +139,12 @@ fn affinity(
         return 0.0;
     }
     let carries = |kind| {
-        let holds = |key| {
-            graph
-                .relations
-                .get(&key)
-                .is_some_and(|known| known.evidence.verdict == Verdict::Holds)
-        };
+        let holds = |key| graph.relations.get(&key).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
         holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
     };
     let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
     let together = if is_carried { 1.0 } else { co_occurrence() };
-    let stays = if a.group.is_some() && a.group == b.group {
-        config.hysteresis
-    } else {
-        0.0
-    };
+    let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
     (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
 }
 
@@ -220,11 +153,7 @@ fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId>
     let mut overlaps: Vec<(f64, GroupId, usize)> = Vec::new();
     for group in graph.groups() {
         for (at, members) in clusters.iter().enumerate() {
-            let common = group
-                .members
-                .iter()
-                .filter(|member| members.contains(member))
-                .count() as f64;
+            let common = group.members.iter().filter(|member| members.contains(member)).count() as f64;
             let jaccard = common / (group.members.len() as f64 + members.len() as f64 - common);
             if jaccard > 0.3 {
                 overlaps.push((jaccard, group.id, at));
@@ -254,28 +183,14 @@ fn describe(
     id: GroupId,
     rank_of: &mut impl FnMut(&str) -> u32,
 ) -> Group {
-    let objects: Vec<&Object> = members
-        .iter()
-        .filter_map(|member| graph.object(*member))
-        .collect();
+    let objects: Vec<&Object> = members.iter().filter_map(|member| graph.object(*member)).collect();
     // The support as it was wins among equals of rank: volumes breathe.
     let known = graph.group(id).and_then(|group| group.support);
-    let mut key = |object: &&Object| {
-        (
-            rank_of(&object.label),
-            known == Some(object.id),
-            object.bounds.volume_m3(),
-        )
-    };
+    let mut key = |object: &&Object| (rank_of(&object.label), known == Some(object.id), object.bounds.volume_m3());
     let keyed = objects.iter().copied().map(|object| (key(&object), object));
-    let best = keyed.max_by(
-        |((rank_a, known_a, volume_a), a), ((rank_b, known_b, volume_b), b)| {
-            (rank_a, known_a)
-                .cmp(&(rank_b, known_b))
-                .then(volume_a.total_cmp(volume_b))
-                .then(b.id.cmp(&a.id))
-        },
-    );
+    let best = keyed.max_by(|((rank_a, known_a, volume_a), a), ((rank_b, known_b, volume_b), b)| {
+        (rank_a, known_a).cmp(&(rank_b, known_b)).then(volume_a.total_cmp(volume_b)).then(b.id.cmp(&a.id))
+    });
     let support = best.map(|(_, object)| object);
     let sum: Vector3<f64> = objects.iter().map(|object| object.centroid.coords).sum();
     let center = sum / objects.len().max(1) as f64;
@@ -293,11 +208,7 @@ fn describe(
 /// Makes names unique: the group that has a name keeps it, others are numbered.
 fn name_groups(graph: &SceneGraph, groups: &mut [Group]) {
     let mut taken: BTreeSet<String> = BTreeSet::new();
-    let mut by_id: BTreeMap<GroupId, usize> = groups
-        .iter()
-        .enumerate()
-        .map(|(at, group)| (group.id, at))
-        .collect();
+    let mut by_id: BTreeMap<GroupId, usize> = groups.iter().enumerate().map(|(at, group)| (group.id, at)).collect();
     by_id.retain(|id, at| {
         let base = &groups[*at].name;
         let old = graph.group(*id).map(|known| known.name.clone());
@@ -331,12 +242,7 @@ mod tests {
 
     fn scene(things: &[(&str, f64, f64)]) -> SceneGraph {
         let mut graph = SceneGraph::new();
-        graph
-            .apply(Op::PutRoom(Box::new(Room::new(
-                RoomId(1),
-                Point3::origin(),
-            ))))
-            .unwrap();
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
         for (at, (label, x, y)) in things.iter().enumerate() {
             put(&mut graph, at as u64 + 1, label, *x, *y);
         }
@@ -345,21 +251,14 @@ mod tests {
 
     fn put(graph: &mut SceneGraph, id: u64, label: &str, x: f64, y: f64) {
         let bounds = Aabb::from_center(Point3::new(x, y, 0.4), Vector3::new(0.5, 0.5, 0.8));
-        let object = Object {
-            room: Some(RoomId(1)),
-            ..Object::new(ObjectId(id), label, bounds)
-        };
+        let object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(id), label, bounds) };
         graph.apply(Op::PutObject(Box::new(object))).unwrap();
     }
 
     #[test]
     fn chairs_join_their_table_and_a_far_shelf_does_not() {
-        let mut graph = scene(&[
-            ("chair", 0.7, 0.0),
-            ("dining table", 0.0, 0.0),
-            ("chair", -0.7, 0.0),
-            ("bookshelf", 3.0, 3.0),
-        ]);
+        let mut graph =
+            scene(&[("chair", 0.7, 0.0), ("dining table", 0.0, 0.0), ("chair", -0.7, 0.0), ("bookshelf", 3.0, 3.0)]);
         update_groups(&mut graph, &GroupConfig::default()).unwrap();
         let groups: Vec<&Group> = graph.groups().collect();
         assert_eq!(groups.len(), 1);
@@ -376,11 +275,7 @@ mod tests {
     fn a_member_that_moves_a_little_stays_and_the_id_survives() {
         // Desk and chair, affinity 1: exp(-gap / 0.8) is 0.35 at a gap of 0.84 m, with hysteresis 0.25 at 1.11 m.
         let config = GroupConfig::default();
-        let mut graph = scene(&[
-            ("desk", 0.0, 0.0),
-            ("office chair", 1.2, 0.0),
-            ("monitor", 0.0, 0.6),
-        ]);
+        let mut graph = scene(&[("desk", 0.0, 0.0), ("office chair", 1.2, 0.0), ("monitor", 0.0, 0.6)]);
         update_groups(&mut graph, &config).unwrap();
         let id = graph.groups().next().unwrap().id;
         assert_eq!(graph.group(id).unwrap().members.len(), 3);
@@ -395,12 +290,7 @@ mod tests {
 
     #[test]
     fn two_desks_have_two_names() {
-        let mut graph = scene(&[
-            ("desk", 0.0, 0.0),
-            ("monitor", 0.0, 0.6),
-            ("desk", 6.0, 0.0),
-            ("monitor", 6.0, 0.6),
-        ]);
+        let mut graph = scene(&[("desk", 0.0, 0.0), ("monitor", 0.0, 0.6), ("desk", 6.0, 0.0), ("monitor", 6.0, 0.6)]);
         update_groups(&mut graph, &GroupConfig::default()).unwrap();
         let names: Vec<&str> = graph.groups().map(|group| group.name.as_str()).collect();
         assert_eq!(names, ["desk group", "desk group 2"]);

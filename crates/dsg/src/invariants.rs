@@ -49,16 +49,11 @@ impl SceneGraph {
 
     fn check_objects(&self) -> Result<(), InvariantError> {
         for (&id, object) in &self.objects {
-            let room_ok = object
-                .room
-                .is_none_or(|room| self.rooms.contains_key(&room));
-            let place_ok = object
-                .place
-                .is_none_or(|place| self.places.contains_key(&place));
-            let group_ok = object.group.is_none_or(|group| {
-                self.group(group)
-                    .is_some_and(|group| group.members.binary_search(&id).is_ok())
-            });
+            let room_ok = object.room.is_none_or(|room| self.rooms.contains_key(&room));
+            let place_ok = object.place.is_none_or(|place| self.places.contains_key(&place));
+            let group_ok = object
+                .group
+                .is_none_or(|group| self.group(group).is_some_and(|group| group.members.binary_search(&id).is_ok()));
             if object.id != id || !room_ok || !place_ok || !group_ok || !object.bounds.is_valid() {
                 return Err(InvariantError::Object(id));
             }
@@ -67,22 +62,11 @@ impl SceneGraph {
             }
         }
         for (&id, group) in &self.groups {
-            let members_ok = group
-                .members
-                .iter()
-                .all(|m| self.object(*m).is_some_and(|o| o.group == Some(id)));
+            let members_ok = group.members.iter().all(|m| self.object(*m).is_some_and(|o| o.group == Some(id)));
             let sorted = group.members.is_sorted_by(|a, b| a < b);
-            let support_ok = group
-                .support
-                .is_none_or(|support| group.members.contains(&support));
+            let support_ok = group.support.is_none_or(|support| group.members.contains(&support));
             let room_ok = group.room.is_none_or(|room| self.rooms.contains_key(&room));
-            if group.id != id
-                || group.members.len() < 2
-                || !members_ok
-                || !sorted
-                || !support_ok
-                || !room_ok
-            {
+            if group.id != id || group.members.len() < 2 || !members_ok || !sorted || !support_ok || !room_ok {
                 return Err(InvariantError::Group);
             }
             if id.0 != u64::MAX && self.next.group <= id.0 {
@@ -97,10 +81,9 @@ impl SceneGraph {
 
     fn check_places_and_rooms(&self) -> Result<(), InvariantError> {
         for (&id, place) in &self.places {
-            let room_ok = place.room.is_none_or(|room| {
-                self.room(room)
-                    .is_some_and(|room| room.places.binary_search(&id).is_ok())
-            });
+            let room_ok = place
+                .room
+                .is_none_or(|room| self.room(room).is_some_and(|room| room.places.binary_search(&id).is_ok()));
             if place.id != id || !room_ok {
                 return Err(InvariantError::Place(id));
             }
@@ -108,18 +91,12 @@ impl SceneGraph {
         let mut names: Vec<&str> = self.rooms().map(|room| room.name.as_str()).collect();
         names.sort_unstable();
         for (&id, room) in &self.rooms {
-            let places_ok = room
-                .places
-                .iter()
-                .all(|p| self.place(*p).is_some_and(|place| place.room == Some(id)));
+            let places_ok = room.places.iter().all(|p| self.place(*p).is_some_and(|place| place.room == Some(id)));
             let sorted = room.places.is_sorted_by(|a, b| a < b);
             if room.id != id || !places_ok || !sorted || room.name.trim().is_empty() {
                 return Err(InvariantError::Room(id));
             }
-            if names
-                .windows(2)
-                .any(|pair| pair[0] == pair[1] && pair[0] == room.name)
-            {
+            if names.windows(2).any(|pair| pair[0] == pair[1] && pair[0] == room.name) {
                 return Err(InvariantError::Room(id));
             }
             if id.0 != u64::MAX && self.next.room <= id.0 {
@@ -127,12 +104,7 @@ impl SceneGraph {
             }
         }
         for (&id, building) in &self.buildings {
-            if building.id != id
-                || building
-                    .rooms
-                    .iter()
-                    .any(|room| !self.rooms.contains_key(room))
-            {
+            if building.id != id || building.rooms.iter().any(|room| !self.rooms.contains_key(room)) {
                 return Err(InvariantError::Building);
             }
         }
@@ -141,87 +113,45 @@ impl SceneGraph {
 
     fn check_edges(&self) -> Result<(), InvariantError> {
         for (&(a, b), edge) in &self.place_edges {
-            let ends_ok = a < b
-                && (edge.a, edge.b) == (a, b)
-                && self.place(a).is_some()
-                && self.place(b).is_some();
-            let index_ok = [(a, b), (b, a)].iter().all(|(from, to)| {
-                self.place_neighbours
-                    .get(from)
-                    .is_some_and(|neighbours| neighbours.contains(to))
-            });
+            let ends_ok = a < b && (edge.a, edge.b) == (a, b) && self.place(a).is_some() && self.place(b).is_some();
+            let index_ok = [(a, b), (b, a)]
+                .iter()
+                .all(|(from, to)| self.place_neighbours.get(from).is_some_and(|neighbours| neighbours.contains(to)));
             if !ends_ok || !index_ok {
                 return Err(InvariantError::PlaceEdge(a, b));
             }
         }
-        let indexed: usize = self
-            .place_neighbours
-            .values()
-            .map(|neighbours| neighbours.len())
-            .sum();
+        let indexed: usize = self.place_neighbours.values().map(|neighbours| neighbours.len()).sum();
         if indexed != 2 * self.place_edges.len() {
             return Err(InvariantError::PlaceEdge(PlaceId(0), PlaceId(0)));
         }
         for (&(a, b), edge) in &self.room_edges {
-            if a >= b
-                || (edge.a, edge.b) != (a, b)
-                || self.room(a).is_none()
-                || self.room(b).is_none()
-            {
+            if a >= b || (edge.a, edge.b) != (a, b) || self.room(a).is_none() || self.room(b).is_none() {
                 return Err(InvariantError::RoomEdge(a, b));
             }
         }
         let mut indexed = 0;
         for (key, relation) in &self.relations {
             let ends = [Some(key.0), Some(key.2), key.3];
-            let ends_ok = ends
-                .into_iter()
-                .flatten()
-                .all(|id| self.object(id).is_some());
-            let index_ok = ends[1..]
-                .iter()
-                .flatten()
-                .all(|to| self.relations_to.get(to).is_some_and(|k| k.contains(key)));
+            let ends_ok = ends.into_iter().flatten().all(|id| self.object(id).is_some());
+            let index_ok =
+                ends[1..].iter().flatten().all(|to| self.relations_to.get(to).is_some_and(|k| k.contains(key)));
             if relation.key() != *key || !ends_ok || !index_ok {
                 return Err(InvariantError::Relation(key.0, key.2));
             }
             indexed += 1 + usize::from(key.3.is_some());
         }
-        if indexed
-            != self
-                .relations_to
-                .values()
-                .map(|keys| keys.len())
-                .sum::<usize>()
-        {
+        if indexed != self.relations_to.values().map(|keys| keys.len()).sum::<usize>() {
             return Err(InvariantError::Relation(ObjectId(0), ObjectId(0)));
         }
         Ok(())
     }
 
     fn check_log(&self) -> Result<(), InvariantError> {
-        let in_order = self
-            .log
-            .windows(2)
-            .all(|pair| pair[0].revision < pair[1].revision);
-        let ends_here = self
-            .log
-            .last()
-            .is_none_or(|event| event.revision <= self.revision);
-        let starts_after = self
-            .log
-            .first()
-            .is_none_or(|event| event.revision > self.log_start);
-        let counted = self
-            .log
-            .iter()
-            .map(|event| event.changes.len())
-            .sum::<usize>()
-            == self.log_changes;
-        if in_order && ends_here && starts_after && counted {
-            Ok(())
-        } else {
-            Err(InvariantError::Log)
-        }
+        let in_order = self.log.windows(2).all(|pair| pair[0].revision < pair[1].revision);
+        let ends_here = self.log.last().is_none_or(|event| event.revision <= self.revision);
+        let starts_after = self.log.first().is_none_or(|event| event.revision > self.log_start);
+        let counted = self.log.iter().map(|event| event.changes.len()).sum::<usize>() == self.log_changes;
+        if in_order && ends_here && starts_after && counted { Ok(()) } else { Err(InvariantError::Log) }
     }
 }

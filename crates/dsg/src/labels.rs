@@ -61,25 +61,16 @@ pub fn label_similarity(a: &str, b: &str) -> f64 {
         return 0.8;
     }
     let has = |family: &[&str], label: &str, same: Option<usize>| {
-        family.contains(&label)
-            || same.is_some_and(|same| SYNONYMS[same].iter().any(|word| family.contains(word)))
+        family.contains(&label) || same.is_some_and(|same| SYNONYMS[same].iter().any(|word| family.contains(word)))
     };
     let is_family = |family: &&[&str]| has(family, a, same_as_a) && has(family, b, same_as_b);
-    if LOOK_ALIKES.iter().any(is_family) {
-        0.6
-    } else {
-        0.0
-    }
+    if LOOK_ALIKES.iter().any(is_family) { 0.6 } else { 0.0 }
 }
 
 /// Trimmed and in lower case; as it is where it is so already.
 fn plain(label: &str) -> Cow<'_, str> {
     let label = label.trim();
-    if label.chars().any(char::is_uppercase) {
-        Cow::Owned(label.to_lowercase())
-    } else {
-        Cow::Borrowed(label)
-    }
+    if label.chars().any(char::is_uppercase) { Cow::Owned(label.to_lowercase()) } else { Cow::Borrowed(label) }
 }
 
 fn synonyms_of(label: &str) -> Option<usize> {

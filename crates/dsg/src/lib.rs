@@ -49,7 +49,7 @@
 //!    (Eq. 4) and joins duplicates ([`observe`], [`memory`], [`duplicates`]); [`forget_ghosts`] drops what is not there.
 //! 3. [`update_places`] mirrors the place graph of the map, frontiers included ([`places`]).
 //! 4. [`update_rooms`] turns a partition of the places into rooms that keep their ids, names them after their contents
-//!    ([`room_kind`]), joins them by doorways and hangs them under a building ([`rooms`]).
+//!    ([`mod@room_kind`]), joins them by doorways and hangs them under a building ([`rooms`]).
 //! 5. [`update_relations`] computes relations from boxes, prunes by the map (Eq. 6) and asks a verifier (Eq. 7)
 //!    ([`relations`]); [`update_groups`] gathers objects that are used together ([`groups`]).
 //! 6. [`folder`] saves graph.json, mesh.ply and ops.log so that a crash leaves the old or the new; [`read_spark_dsg`] reads

@@ -12,7 +12,7 @@ use crate::op::OpError;
 /// Larger files are refused before they are parsed.
 pub const MAX_BYTES: usize = 512 << 20;
 
-/// A place in a JSON file: "$.objects[3].centroid[0]".
+/// A place in a JSON file: `$.objects[3].centroid[0]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JsonPath(pub String);
 
@@ -144,11 +144,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Value, LoadError> {
     }
     serde_json::from_slice(bytes).map_err(|error| {
         let (line, column) = (error.line(), error.column());
-        if error.is_eof() {
-            LoadError::Truncated { line, column }
-        } else {
-            LoadError::Syntax { line, column }
-        }
+        if error.is_eof() { LoadError::Truncated { line, column } } else { LoadError::Syntax { line, column } }
     })
 }
 
@@ -169,11 +165,7 @@ enum Step<'v> {
 
 impl<'v, 'p> Cursor<'v, 'p> {
     pub fn root(value: &'v Value) -> Cursor<'v, 'v> {
-        Cursor {
-            value,
-            parent: None,
-            step: Step::Root,
-        }
+        Cursor { value, parent: None, step: Step::Root }
     }
 
     /// The path from the root.
@@ -200,17 +192,11 @@ impl<'v, 'p> Cursor<'v, 'p> {
     }
 
     pub fn wrong(&self, expected: &'static str) -> LoadError {
-        LoadError::Type {
-            path: self.path(),
-            expected,
-        }
+        LoadError::Type { path: self.path(), expected }
     }
 
     pub fn refused(&self, source: OpError) -> LoadError {
-        LoadError::Refused {
-            path: self.path(),
-            source,
-        }
+        LoadError::Refused { path: self.path(), source }
     }
 
     pub fn duplicate(&self) -> LoadError {
@@ -218,10 +204,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
     }
 
     pub fn dangling(&self, id: u64) -> LoadError {
-        LoadError::Dangling {
-            path: self.path(),
-            id,
-        }
+        LoadError::Dangling { path: self.path(), id }
     }
 
     /// A field; null counts as absent.
@@ -230,11 +213,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
         'p: 'q,
     {
         let value = self.value.get(key).filter(|value| !value.is_null())?;
-        Some(Cursor {
-            value,
-            parent: Some(self),
-            step: Step::Key(key),
-        })
+        Some(Cursor { value, parent: Some(self), step: Step::Key(key) })
     }
 
     /// A field that must be there.
@@ -245,9 +224,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
         if !self.value.is_object() {
             return Err(self.wrong("an object"));
         }
-        self.find(key).ok_or_else(|| LoadError::Missing {
-            path: JsonPath(format!("{}.{key}", self.path())),
-        })
+        self.find(key).ok_or_else(|| LoadError::Missing { path: JsonPath(format!("{}.{key}", self.path())) })
     }
 
     /// The items of a list.
@@ -256,18 +233,12 @@ impl<'v, 'p> Cursor<'v, 'p> {
         'p: 'q,
     {
         let list = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
-        let item = |(index, value)| Cursor {
-            value,
-            parent: Some(self),
-            step: Step::Index(index),
-        };
+        let item = |(index, value)| Cursor { value, parent: Some(self), step: Step::Index(index) };
         Ok(list.iter().enumerate().map(item))
     }
 
     pub fn map(&self) -> Result<&'v Map<String, Value>, LoadError> {
-        self.value
-            .as_object()
-            .ok_or_else(|| self.wrong("an object"))
+        self.value.as_object().ok_or_else(|| self.wrong("an object"))
     }
 
     pub fn f64(&self) -> Result<f64, LoadError> {
@@ -279,9 +250,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
 
     /// An unsigned integer, exact; a float is refused because it may have lost digits.
     pub fn u64(&self) -> Result<u64, LoadError> {
-        self.value
-            .as_u64()
-            .ok_or_else(|| self.wrong("an unsigned 64-bit integer"))
+        self.value.as_u64().ok_or_else(|| self.wrong("an unsigned 64-bit integer"))
     }
 
     pub fn u32(&self) -> Result<u32, LoadError> {
@@ -289,9 +258,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
     }
 
     pub fn i64(&self) -> Result<i64, LoadError> {
-        self.value
-            .as_i64()
-            .ok_or_else(|| self.wrong("a 64-bit integer"))
+        self.value.as_i64().ok_or_else(|| self.wrong("a 64-bit integer"))
     }
 
     pub fn i32(&self) -> Result<i32, LoadError> {
@@ -303,9 +270,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
     }
 
     pub fn bool(&self) -> Result<bool, LoadError> {
-        self.value
-            .as_bool()
-            .ok_or_else(|| self.wrong("true or false"))
+        self.value.as_bool().ok_or_else(|| self.wrong("true or false"))
     }
 
     pub fn str(&self) -> Result<&'v str, LoadError> {
@@ -328,21 +293,12 @@ impl<'v, 'p> Cursor<'v, 'p> {
             }
             count += 1;
         }
-        if count == N {
-            Ok(numbers)
-        } else {
-            Err(self.wrong("a list of that many numbers"))
-        }
+        if count == N { Ok(numbers) } else { Err(self.wrong("a list of that many numbers")) }
     }
 
     /// `{"w","x","y","z"}`, normalised.
     pub fn quaternion(&self) -> Result<UnitQuaternion<f64>, LoadError> {
-        let [w, x, y, z] = [
-            self.get("w")?,
-            self.get("x")?,
-            self.get("y")?,
-            self.get("z")?,
-        ];
+        let [w, x, y, z] = [self.get("w")?, self.get("x")?, self.get("y")?, self.get("z")?];
         let q = Quaternion::new(w.f64()?, x.f64()?, y.f64()?, z.f64()?);
         let norm = q.norm();
         // Already of unit length to rounding: keep the very numbers, so that load and save give the same file.
@@ -359,10 +315,7 @@ impl<'v, 'p> Cursor<'v, 'p> {
     /// `{"position": [x, y, z], "rotation": {w, x, y, z}}`.
     pub fn pose(&self) -> Result<Isometry3<f64>, LoadError> {
         let translation: Vector3<f64> = self.get("position")?.point()?.coords;
-        Ok(Isometry3::from_parts(
-            translation.into(),
-            self.get("rotation")?.quaternion()?,
-        ))
+        Ok(Isometry3::from_parts(translation.into(), self.get("rotation")?.quaternion()?))
     }
 }
 
@@ -372,41 +325,21 @@ mod tests {
 
     #[test]
     fn a_cursor_knows_its_path() {
-        let value =
-            parse(br#"{"a": [1, {"b": null, "c": [1, null, 3]}], "id": 18446744073709551615}"#)
-                .unwrap();
+        let value = parse(br#"{"a": [1, {"b": null, "c": [1, null, 3]}], "id": 18446744073709551615}"#).unwrap();
         let root = Cursor::root(&value);
         let a = root.get("a").unwrap();
         let second = a.items().unwrap().nth(1).unwrap();
-        assert_eq!(
-            second.get("b").unwrap_err().to_string(),
-            "$.a[1].b is missing"
-        );
-        assert_eq!(
-            second.get("c").unwrap().point().unwrap_err().to_string(),
-            "$.a[1].c[1] is not a finite number"
-        );
+        assert_eq!(second.get("b").unwrap_err().to_string(), "$.a[1].b is missing");
+        assert_eq!(second.get("c").unwrap().point().unwrap_err().to_string(), "$.a[1].c[1] is not a finite number");
         assert_eq!(root.get("id").unwrap().u64().unwrap(), u64::MAX);
         assert!(root.get("a").unwrap().u64().is_err());
     }
 
     #[test]
     fn hostile_text_is_a_typed_error() {
-        assert!(matches!(
-            parse(b"{\"a\": [1,"),
-            Err(LoadError::Truncated { .. })
-        ));
-        assert!(matches!(
-            parse(b"{\"a\": NaN}"),
-            Err(LoadError::Syntax { .. })
-        ));
-        assert!(matches!(
-            parse("[".repeat(100_000).as_bytes()),
-            Err(LoadError::Syntax { .. })
-        ));
-        assert!(matches!(
-            parse(b"{\"a\": 1e999}"),
-            Err(LoadError::Syntax { .. })
-        ));
+        assert!(matches!(parse(b"{\"a\": [1,"), Err(LoadError::Truncated { .. })));
+        assert!(matches!(parse(b"{\"a\": NaN}"), Err(LoadError::Syntax { .. })));
+        assert!(matches!(parse("[".repeat(100_000).as_bytes()), Err(LoadError::Syntax { .. })));
+        assert!(matches!(parse(b"{\"a\": 1e999}"), Err(LoadError::Syntax { .. })));
     }
 }

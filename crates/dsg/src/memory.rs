@@ -86,16 +86,14 @@ impl ObjectMemory {
         for i in 0..=steps.x {
             for j in 0..=steps.y {
                 for k in 0..=steps.z {
-                    let on_surface =
-                        i == 0 || j == 0 || k == 0 || i == steps.x || j == steps.y || k == steps.z;
+                    let on_surface = i == 0 || j == 0 || k == 0 || i == steps.x || j == steps.y || k == steps.z;
                     if on_surface {
                         let share = Vector3::new(
                             i as f64 / steps.x as f64,
                             j as f64 / steps.y as f64,
                             k as f64 / steps.z as f64,
                         );
-                        points
-                            .push((object.bounds.min + sides.component_mul(&share)).cast::<f32>());
+                        points.push((object.bounds.min + sides.component_mul(&share)).cast::<f32>());
                     }
                 }
             }
@@ -112,16 +110,14 @@ impl ObjectMemory {
 
     /// Takes in the points of one frame.
     pub fn absorb(&mut self, points: &[Point3<f32>], stamp_ns: i64) {
-        let mut frame: BTreeMap<[i32; 3], (Vector3<f32>, f32)> = BTreeMap::new();
-        for point in points {
-            let entry = frame
-                .entry(key_of(point, self.voxel_m))
-                .or_insert((Vector3::zeros(), 0.0));
-            entry.0 += point.coords;
-            entry.1 += 1.0;
-        }
-        for (key, (sum, count)) in frame {
-            let mean = Point3::from(sum / count);
+        // Points of one voxel become neighbours; the stable sort keeps their order, so sums are the same everywhere.
+        let mut keyed: Vec<([i32; 3], &Point3<f32>)> =
+            points.iter().map(|point| (key_of(point, self.voxel_m), point)).collect();
+        keyed.sort_by_key(|(key, _)| *key);
+        for hits in keyed.chunk_by(|a, b| a.0 == b.0) {
+            let key = hits[0].0;
+            let sum: Vector3<f32> = hits.iter().map(|(_, point)| point.coords).sum();
+            let mean = Point3::from(sum / hits.len() as f32);
             match self.cells.binary_search_by_key(&key, |cell| cell.key) {
                 Ok(at) => {
                     let cell = &mut self.cells[at];
@@ -129,15 +125,7 @@ impl ObjectMemory {
                     cell.hits = cell.hits.saturating_add(1);
                     cell.last_seen_ns = cell.last_seen_ns.max(stamp_ns);
                 }
-                Err(at) => self.cells.insert(
-                    at,
-                    Cell {
-                        key,
-                        mean,
-                        hits: 1,
-                        last_seen_ns: stamp_ns,
-                    },
-                ),
+                Err(at) => self.cells.insert(at, Cell { key, mean, hits: 1, last_seen_ns: stamp_ns }),
             }
         }
         while self.cells.len() > MAX_CELLS {
@@ -201,34 +189,29 @@ impl ObjectMemory {
     /// Drops stale voxels that the newest evidence replaces (see the head of this file).
     pub fn forget_smear(&mut self, newest_ns: i64) {
         let age_s = |cell: &Cell| (newest_ns - cell.last_seen_ns) as f64 * 1e-9;
-        let fresh: Vec<Point3<f32>> = self
-            .cells
-            .iter()
-            .filter(|c| age_s(c) <= FRESH_S)
-            .map(|c| c.mean)
-            .collect();
+        let fresh: Vec<Point3<f32>> = self.cells.iter().filter(|c| age_s(c) <= FRESH_S).map(|c| c.mean).collect();
         if fresh.len() < 3 || fresh.len() == self.cells.len() {
             return;
         }
+        let around = Aabb::around(fresh.iter().map(|point| point.cast::<f64>()));
         // A bounded, evenly spread sample is enough to tell near from far.
         let stride = fresh.len().div_ceil(160);
         let sample: Vec<Point3<f32>> = fresh.into_iter().step_by(stride).collect();
         self.cells.retain(|cell| {
-            let reach_m = 0.03 + drift_m(age_s(cell)) as f32;
-            age_s(cell) <= FRESH_S
-                || sample
-                    .iter()
-                    .all(|p| (p - cell.mean).norm_squared() > reach_m * reach_m)
+            let age_s = age_s(cell);
+            let reach_m = 0.03 + drift_m(age_s);
+            let is_near = |p: &Point3<f32>| (p - cell.mean).norm_squared() <= (reach_m * reach_m) as f32;
+            let mean = cell.mean.cast::<f64>();
+            age_s <= FRESH_S
+                || around.is_none_or(|around| !around.inflated(reach_m).contains(&mean))
+                || !sample.iter().any(is_near)
         });
     }
 
     /// The box: weighted percentiles of the voxel means, weights being frames (up to 8). `None` without points.
     pub fn bounds(&self) -> Option<Aabb> {
-        let weighted: Vec<(Point3<f64>, f64)> = self
-            .cells
-            .iter()
-            .map(|cell| (cell.mean.cast::<f64>(), f64::from(cell.hits.min(8))))
-            .collect();
+        let weighted: Vec<(Point3<f64>, f64)> =
+            self.cells.iter().map(|cell| (cell.mean.cast::<f64>(), f64::from(cell.hits.min(8)))).collect();
         robust_bounds(&weighted)
     }
 
@@ -238,17 +221,12 @@ impl ObjectMemory {
             return 0.0;
         }
         // Most points of a neighbour are outside: decide them by the box of the voxels.
-        let keys = self
-            .cells
-            .iter()
-            .map(|cell| Point3::from(cell.key.map(|k| f64::from(k) * self.voxel_m)));
-        let Some(around) = Aabb::around(keys).map(|bounds| bounds.inflated(reach_m + self.voxel_m))
-        else {
+        let keys = self.cells.iter().map(|cell| Point3::from(cell.key.map(|k| f64::from(k) * self.voxel_m)));
+        let Some(around) = Aabb::around(keys).map(|bounds| bounds.inflated(reach_m + self.voxel_m)) else {
             return 0.0;
         };
-        let is_near = |point: &&Point3<f64>| {
-            around.contains(point) && self.has_near(&point.cast::<f32>(), reach_m as f32)
-        };
+        let is_near =
+            |point: &&Point3<f64>| around.contains(point) && self.has_near(&point.cast::<f32>(), reach_m as f32);
         let near = points.iter().filter(is_near).count();
         near as f64 / points.len() as f64
     }
@@ -258,12 +236,8 @@ impl ObjectMemory {
         for i in x.saturating_sub(1)..=x.saturating_add(1) {
             for j in y.saturating_sub(1)..=y.saturating_add(1) {
                 // The cells of one column are neighbours in the sorted list.
-                let first = self
-                    .cells
-                    .partition_point(|cell| cell.key < [i, j, z.saturating_sub(1)]);
-                let column = self.cells[first..]
-                    .iter()
-                    .take_while(|cell| cell.key <= [i, j, z.saturating_add(1)]);
+                let first = self.cells.partition_point(|cell| cell.key < [i, j, z.saturating_sub(1)]);
+                let column = self.cells[first..].iter().take_while(|cell| cell.key <= [i, j, z.saturating_add(1)]);
                 for cell in column {
                     if (cell.mean - point).norm_squared() <= reach_m * reach_m {
                         return true;
@@ -276,10 +250,7 @@ impl ObjectMemory {
 
     /// The voxel means.
     pub fn points(&self) -> Vec<Point3<f64>> {
-        self.cells
-            .iter()
-            .map(|cell| cell.mean.cast::<f64>())
-            .collect()
+        self.cells.iter().map(|cell| cell.mean.cast::<f64>()).collect()
     }
 
     /// Keeps a caption if it is the best for its label.
@@ -291,19 +262,14 @@ impl ObjectMemory {
         match self.captions.get_mut(label) {
             Some(best) if score > best.0 => *best = (score, caption.to_owned()),
             Some(_) => {}
-            None if has_room => drop(
-                self.captions
-                    .insert(label.to_owned(), (score, caption.to_owned())),
-            ),
+            None if has_room => drop(self.captions.insert(label.to_owned(), (score, caption.to_owned()))),
             None => {}
         }
     }
 
     /// The best caption for a label.
     pub fn caption(&self, label: &str) -> Option<&str> {
-        self.captions
-            .get(label)
-            .map(|(_, caption)| caption.as_str())
+        self.captions.get(label).map(|(_, caption)| caption.as_str())
     }
 
     /// Takes in the colour of one frame.
@@ -326,12 +292,7 @@ pub(crate) fn thin(points: &[Point3<f32>], max: usize) -> Vec<Point3<f64>> {
     let mut memory = ObjectMemory::default();
     memory.absorb(points, 0);
     let stride = memory.cells.len().div_ceil(max).max(1);
-    memory
-        .cells
-        .iter()
-        .step_by(stride)
-        .map(|cell| cell.mean.cast::<f64>())
-        .collect()
+    memory.cells.iter().step_by(stride).map(|cell| cell.mean.cast::<f64>()).collect()
 }
 
 /// Box between the [`TRIM`] and `1 - TRIM` weighted percentiles of each axis.
@@ -342,11 +303,8 @@ pub(crate) fn robust_bounds(weighted: &[(Point3<f64>, f64)]) -> Option<Aabb> {
     let total: f64 = weighted.iter().map(|(_, weight)| weight).sum();
     let mut bounds = Aabb::at(weighted[0].0);
     for axis in 0..3 {
-        let mut along: Vec<(f64, f64)> = weighted
-            .iter()
-            .map(|(point, weight)| (point[axis], *weight))
-            .collect();
-        along.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut along: Vec<(f64, f64)> = weighted.iter().map(|(point, weight)| (point[axis], *weight)).collect();
+        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         bounds.min[axis] = percentile(along.iter().copied(), TRIM * total);
         bounds.max[axis] = percentile(along.iter().rev().copied(), TRIM * total);
     }
@@ -378,9 +336,7 @@ mod tests {
 
     /// A 0.4 m square plate at x, in the y-z plane.
     fn plate(x: f32) -> Vec<Point3<f32>> {
-        (0..400)
-            .map(|i| Point3::new(x, 0.02 * (i % 20) as f32, 0.02 * (i / 20) as f32))
-            .collect()
+        (0..400).map(|i| Point3::new(x, 0.02 * (i % 20) as f32, 0.02 * (i / 20) as f32)).collect()
     }
 
     #[test]
@@ -391,22 +347,15 @@ mod tests {
         memory.absorb(&plate(0.2), 40 * SECOND_NS);
         memory.forget_smear(40 * SECOND_NS);
         let bounds = memory.bounds().unwrap();
-        assert!(
-            (bounds.min.x - 0.2).abs() < 0.01,
-            "the plate has followed: {bounds:?}"
-        );
-        assert!(
-            (bounds.max.x - 1.0).abs() < 0.01,
-            "the far side is still there: {bounds:?}"
-        );
+        assert!((bounds.min.x - 0.2).abs() < 0.01, "the plate has followed: {bounds:?}");
+        assert!((bounds.max.x - 1.0).abs() < 0.01, "the far side is still there: {bounds:?}");
     }
 
     #[test]
     fn the_set_is_bounded_and_keeps_its_extent() {
         let mut memory = ObjectMemory::default();
-        let sheet: Vec<_> = (0..40_000)
-            .map(|i| Point3::new(0.02 * (i % 200) as f32, 0.02 * (i / 200) as f32, 0.0))
-            .collect();
+        let sheet: Vec<_> =
+            (0..40_000).map(|i| Point3::new(0.02 * (i % 200) as f32, 0.02 * (i / 200) as f32, 0.0)).collect();
         memory.absorb(&sheet, 0);
         assert!(memory.cells.len() <= MAX_CELLS);
         assert!((memory.bounds().unwrap().sides_m().x - 4.0).abs() < 0.4);
@@ -427,13 +376,7 @@ mod tests {
         let (mut a, mut b) = (ObjectMemory::default(), ObjectMemory::default());
         a.absorb(&plate(0.0), 0);
         b.absorb(&plate(0.0), SECOND_NS);
-        let hits = |memory: &ObjectMemory| {
-            memory
-                .cells
-                .iter()
-                .map(|cell| u32::from(cell.hits))
-                .sum::<u32>()
-        };
+        let hits = |memory: &ObjectMemory| memory.cells.iter().map(|cell| u32::from(cell.hits)).sum::<u32>();
         let both = hits(&a) + hits(&b);
         a.merge(b);
         assert_eq!(hits(&a), both);

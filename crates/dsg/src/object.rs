@@ -75,19 +75,12 @@ impl Object {
 
     /// Whether the object moves by itself (metadata `dynamic`).
     pub fn is_dynamic(&self) -> bool {
-        self.metadata
-            .get("dynamic")
-            .and_then(Value::as_bool)
-            .unwrap_or(false)
+        self.metadata.get("dynamic").and_then(Value::as_bool).unwrap_or(false)
     }
 
     /// Share of the votes that `label` got, in `[0, 1]`.
     pub fn vote_share(&self, label: &str) -> f64 {
         let total: f64 = self.votes.values().sum();
-        if total > 0.0 {
-            self.votes.get(label).copied().unwrap_or(0.0) / total
-        } else {
-            0.0
-        }
+        if total > 0.0 { self.votes.get(label).copied().unwrap_or(0.0) / total } else { 0.0 }
     }
 }

@@ -45,9 +45,7 @@ pub fn read_log(graph: &mut SceneGraph, bytes: &[u8]) -> Result<(), LoadError> {
         }
         let damaged = || LoadError::Log { line: index + 1 };
         let event = read_line(line).ok_or_else(damaged)?;
-        let is_in_order = events
-            .last()
-            .is_none_or(|last| last.revision < event.revision);
+        let is_in_order = events.last().is_none_or(|last| last.revision < event.revision);
         if !is_in_order || event.revision > graph.revision || event.revision == 0 {
             return Err(damaged());
         }
@@ -72,10 +70,7 @@ fn read_line(line: &[u8]) -> Option<Event> {
     let revision = root.get("revision").ok()?.u64().ok()?;
     let list = root.get("changes").ok()?;
     let changes: Option<Vec<Change>> = list.items().ok()?.map(|item| change(&item).ok()).collect();
-    Some(Event {
-        revision,
-        changes: changes?.into(),
-    })
+    Some(Event { revision, changes: changes?.into() })
 }
 
 fn from_change(change: &Change) -> Value {
@@ -90,77 +85,20 @@ fn from_change(change: &Change) -> Value {
     }
     use Change::*;
     match change {
-        Object(id, b, a) => both(
-            "object",
-            json!(id),
-            b.as_deref(),
-            a.as_deref(),
-            records::from_object,
-        ),
-        Place(id, b, a) => both(
-            "place",
-            json!(id),
-            b.as_ref(),
-            a.as_ref(),
-            records::from_place,
-        ),
-        PlaceEdge(id, b, a) => both(
-            "place_edge",
-            json!(id),
-            b.as_ref(),
-            a.as_ref(),
-            records::from_place_edge,
-        ),
-        Room(id, b, a) => both(
-            "room",
-            json!(id),
-            b.as_deref(),
-            a.as_deref(),
-            records::from_room,
-        ),
-        RoomEdge(id, b, a) => both(
-            "room_edge",
-            json!(id),
-            b.as_ref(),
-            a.as_ref(),
-            records::from_room_edge,
-        ),
-        Building(id, b, a) => both(
-            "building",
-            json!(id),
-            b.as_deref(),
-            a.as_deref(),
-            records::from_building,
-        ),
-        Group(id, b, a) => both(
-            "group",
-            json!(id),
-            b.as_deref(),
-            a.as_deref(),
-            records::from_group,
-        ),
+        Object(id, b, a) => both("object", json!(id), b.as_deref(), a.as_deref(), records::from_object),
+        Place(id, b, a) => both("place", json!(id), b.as_ref(), a.as_ref(), records::from_place),
+        PlaceEdge(id, b, a) => both("place_edge", json!(id), b.as_ref(), a.as_ref(), records::from_place_edge),
+        Room(id, b, a) => both("room", json!(id), b.as_deref(), a.as_deref(), records::from_room),
+        RoomEdge(id, b, a) => both("room_edge", json!(id), b.as_ref(), a.as_ref(), records::from_room_edge),
+        Building(id, b, a) => both("building", json!(id), b.as_deref(), a.as_deref(), records::from_building),
+        Group(id, b, a) => both("group", json!(id), b.as_deref(), a.as_deref(), records::from_group),
         Relation(key, b, a) => {
             let id = json!([key.0, key.1.word(), key.2, key.3]);
-            both(
-                "relation",
-                id,
-                b.as_ref(),
-                a.as_ref(),
-                records::from_relation,
-            )
+            both("relation", id, b.as_ref(), a.as_ref(), records::from_relation)
         }
-        Agent(id, b, a) => both(
-            "agent",
-            json!(id),
-            b.as_deref(),
-            a.as_deref(),
-            records::from_agent,
-        ),
+        Agent(id, b, a) => both("agent", json!(id), b.as_deref(), a.as_deref(), records::from_agent),
         AgentPose(id, b, a) => {
-            let (before, after) = (
-                b.as_ref().map(records::from_agent_pose),
-                a.as_ref().map(records::from_agent_pose),
-            );
+            let (before, after) = (b.as_ref().map(records::from_agent_pose), a.as_ref().map(records::from_agent_pose));
             json!({ "node": "agent_pose", "id": id, "before": before, "after": after })
         }
     }
@@ -220,10 +158,7 @@ fn change(at: &Cursor) -> Result<Change, LoadError> {
         }
         "relation" => {
             let (b, a) = both(at, records::relation)?;
-            let key = b
-                .or(a)
-                .map(|relation| relation.key())
-                .ok_or_else(|| at.wrong("a change"))?;
+            let key = b.or(a).map(|relation| relation.key()).ok_or_else(|| at.wrong("a change"))?;
             Change::Relation(key, b, a)
         }
         "agent" => {
@@ -241,13 +176,7 @@ fn change(at: &Cursor) -> Result<Change, LoadError> {
 /// CRC-32 (IEEE 802.3, reflected), as in zip and PNG.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0_u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            if crc & 1 == 1 {
-                (crc >> 1) ^ 0xEDB8_8320
-            } else {
-                crc >> 1
-            }
-        })
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xEDB8_8320 } else { crc >> 1 })
     })
 }
 
@@ -270,13 +199,7 @@ mod tests {
         let mut graph = SceneGraph::new();
         for id in 1..=3 {
             let bounds = Aabb::at(Point3::new(id as f64, 0.1, 0.2));
-            graph
-                .apply(Op::PutObject(Box::new(Object::new(
-                    ObjectId(id),
-                    "chair",
-                    bounds,
-                ))))
-                .unwrap();
+            graph.apply(Op::PutObject(Box::new(Object::new(ObjectId(id), "chair", bounds)))).unwrap();
         }
         graph.apply(Op::RemoveObject(ObjectId(2))).unwrap();
         let lines = log_to_lines(&graph);
@@ -286,13 +209,7 @@ mod tests {
 
         let mut damaged = lines.clone();
         damaged[40] ^= 1;
-        assert!(matches!(
-            read_log(&mut loaded, &damaged),
-            Err(LoadError::Log { line: 1 })
-        ));
-        assert!(matches!(
-            read_log(&mut loaded, &lines[..lines.len() - 5]),
-            Err(LoadError::Log { line: 4 })
-        ));
+        assert!(matches!(read_log(&mut loaded, &damaged), Err(LoadError::Log { line: 1 })));
+        assert!(matches!(read_log(&mut loaded, &lines[..lines.len() - 5]), Err(LoadError::Log { line: 4 })));
     }
 }

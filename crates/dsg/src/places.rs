@@ -40,12 +40,7 @@ pub struct PlaceState {
 /// # Errors
 /// A NaN, or an edge to a place that does not exist; nothing is changed then.
 pub fn update_places(graph: &mut SceneGraph, update: &PlaceUpdate) -> Result<Event, OpError> {
-    let mut removed: Vec<PlaceId> = update
-        .removed
-        .iter()
-        .copied()
-        .filter(|id| graph.place(*id).is_some())
-        .collect();
+    let mut removed: Vec<PlaceId> = update.removed.iter().copied().filter(|id| graph.place(*id).is_some()).collect();
     removed.sort_unstable();
     removed.dedup();
     // Edges of removed places go with them; the others are removed by name.
@@ -58,10 +53,7 @@ pub fn update_places(graph: &mut SceneGraph, update: &PlaceUpdate) -> Result<Eve
         .collect();
     cut.sort_unstable();
     cut.dedup();
-    let mut ops: Vec<Op> = cut
-        .into_iter()
-        .map(|(a, b)| Op::RemovePlaceEdge(a, b))
-        .collect();
+    let mut ops: Vec<Op> = cut.into_iter().map(|(a, b)| Op::RemovePlaceEdge(a, b)).collect();
     ops.extend(removed.into_iter().map(Op::RemovePlace));
     for state in &update.put {
         ops.push(Op::PutPlace(Place {

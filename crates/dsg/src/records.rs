@@ -19,10 +19,7 @@ use crate::room::{Building, Room, RoomEdge, Storey};
 /// A record without its null fields.
 fn record(value: Value) -> Map<String, Value> {
     match value {
-        Value::Object(map) => map
-            .into_iter()
-            .filter(|(_, value)| !value.is_null())
-            .collect(),
+        Value::Object(map) => map.into_iter().filter(|(_, value)| !value.is_null()).collect(),
         _ => Map::new(),
     }
 }
@@ -65,25 +62,18 @@ pub(crate) fn object(at: &Cursor) -> Result<Object, LoadError> {
     let mut votes = BTreeMap::new();
     if let Some(found) = at.find("votes") {
         for (label, value) in found.map()? {
-            let value = value
-                .as_f64()
-                .ok_or_else(|| found.wrong("a map of numbers"))?;
+            let value = value.as_f64().ok_or_else(|| found.wrong("a map of numbers"))?;
             votes.insert(label.clone(), value);
         }
     }
     let mut attributes = BTreeMap::new();
     if let Some(found) = at.find("attributes") {
         for (key, value) in found.map()? {
-            let value = value
-                .as_str()
-                .ok_or_else(|| found.wrong("a map of strings"))?;
+            let value = value.as_str().ok_or_else(|| found.wrong("a map of strings"))?;
             attributes.insert(key.clone(), value.to_owned());
         }
     }
-    let bounds = Aabb {
-        min: at.get("min")?.point()?,
-        max: at.get("max")?.point()?,
-    };
+    let bounds = Aabb { min: at.get("min")?.point()?, max: at.get("max")?.point()? };
     Ok(Object {
         id: ObjectId(at.get("id")?.u64()?),
         label: at.get("label")?.str()?.to_owned(),
@@ -92,9 +82,7 @@ pub(crate) fn object(at: &Cursor) -> Result<Object, LoadError> {
         caption: text(at, "caption")?,
         color: at.find("color").map(|c| color(&c)).transpose()?,
         attributes,
-        centroid: at
-            .find("centroid")
-            .map_or(Ok(bounds.center()), |c| c.point())?,
+        centroid: at.find("centroid").map_or(Ok(bounds.center()), |c| c.point())?,
         bounds,
         room: at.find("room").map(|c| c.u64().map(RoomId)).transpose()?,
         place: at.find("place").map(|c| c.u64().map(PlaceId)).transpose()?,
@@ -108,34 +96,21 @@ pub(crate) fn object(at: &Cursor) -> Result<Object, LoadError> {
 }
 
 fn text(at: &Cursor, key: &'static str) -> Result<String, LoadError> {
-    at.find(key)
-        .map_or(Ok(String::new()), |c| c.str().map(str::to_owned))
+    at.find(key).map_or(Ok(String::new()), |c| c.str().map(str::to_owned))
 }
 
 fn color(at: &Cursor) -> Result<[u8; 3], LoadError> {
     let numbers = at.numbers::<3>()?;
     let is_byte = |x: &f64| (0.0..=255.0).contains(x) && x.fract() == 0.0;
-    if numbers.iter().all(is_byte) {
-        Ok(numbers.map(|x| x as u8))
-    } else {
-        Err(at.wrong("three bytes"))
-    }
+    if numbers.iter().all(is_byte) { Ok(numbers.map(|x| x as u8)) } else { Err(at.wrong("three bytes")) }
 }
 
 pub(crate) fn metadata(at: &Cursor) -> Result<Map<String, Value>, LoadError> {
-    at.find("metadata")
-        .map_or(Ok(Map::new()), |c| c.map().cloned())
+    at.find("metadata").map_or(Ok(Map::new()), |c| c.map().cloned())
 }
 
 /// Fields of a place record.
-pub(crate) const PLACE: &[&str] = &[
-    "id",
-    "position",
-    "clearance_m",
-    "basis_points",
-    "frontier_cells",
-    "room",
-];
+pub(crate) const PLACE: &[&str] = &["id", "position", "clearance_m", "basis_points", "frontier_cells", "room"];
 
 pub(crate) fn from_place(place: &Place) -> Map<String, Value> {
     record(json!({
@@ -168,11 +143,7 @@ pub(crate) fn from_place_edge(edge: &PlaceEdge) -> Map<String, Value> {
 
 pub(crate) fn place_edge(at: &Cursor) -> Result<PlaceEdge, LoadError> {
     let (a, b) = (at.get("a")?.u64()?, at.get("b")?.u64()?);
-    Ok(PlaceEdge {
-        a: PlaceId(a.min(b)),
-        b: PlaceId(a.max(b)),
-        clearance_m: at.get("clearance_m")?.f64()?,
-    })
+    Ok(PlaceEdge { a: PlaceId(a.min(b)), b: PlaceId(a.max(b)), clearance_m: at.get("clearance_m")?.f64()? })
 }
 
 /// Fields of a room record.
@@ -201,14 +172,9 @@ pub(crate) fn room(at: &Cursor) -> Result<Room, LoadError> {
     let id = RoomId(at.get("id")?.u64()?);
     Ok(Room {
         id,
-        name: at
-            .find("name")
-            .map_or(Ok(format!("room {}", id.0)), |c| c.str().map(str::to_owned))?,
+        name: at.find("name").map_or(Ok(format!("room {}", id.0)), |c| c.str().map(str::to_owned))?,
         is_user_named: at.find("is_user_named").map_or(Ok(false), |c| c.bool())?,
-        kind: at
-            .find("kind")
-            .map(|c| c.str().map(str::to_owned))
-            .transpose()?,
+        kind: at.find("kind").map(|c| c.str().map(str::to_owned)).transpose()?,
         kind_confidence: at.find("kind_confidence").map_or(Ok(0.0), |c| c.f64())?,
         center: at.get("center")?.point()?,
         places,
@@ -229,9 +195,7 @@ fn ids(at: &Cursor, key: &'static str) -> Result<Vec<u64>, LoadError> {
 pub(crate) const ROOM_EDGE: &[&str] = &["a", "b", "doorway", "width_m"];
 
 pub(crate) fn from_room_edge(edge: &RoomEdge) -> Map<String, Value> {
-    record(
-        json!({ "a": edge.a, "b": edge.b, "doorway": point(&edge.doorway), "width_m": edge.width_m }),
-    )
+    record(json!({ "a": edge.a, "b": edge.b, "doorway": point(&edge.doorway), "width_m": edge.width_m }))
 }
 
 pub(crate) fn room_edge(at: &Cursor) -> Result<RoomEdge, LoadError> {
@@ -296,10 +260,7 @@ pub(crate) fn group(at: &Cursor) -> Result<Group, LoadError> {
     Ok(Group {
         id: GroupId(at.get("id")?.u64()?),
         name: at.get("name")?.str()?.to_owned(),
-        support: at
-            .find("support")
-            .map(|c| c.u64().map(ObjectId))
-            .transpose()?,
+        support: at.find("support").map(|c| c.u64().map(ObjectId)).transpose()?,
         members: ids(at, "members")?.into_iter().map(ObjectId).collect(),
         room: at.find("room").map(|c| c.u64().map(RoomId)).transpose()?,
         center: at.get("center")?.point()?,
@@ -361,10 +322,7 @@ pub(crate) fn relation(at: &Cursor) -> Result<Relation, LoadError> {
         subject: ObjectId(at.get("subject")?.u64()?),
         kind: RelationKind::from_word(kind.str()?).ok_or_else(|| unknown(&kind))?,
         object: ObjectId(at.get("object")?.u64()?),
-        other: at
-            .find("other")
-            .map(|c| c.u64().map(ObjectId))
-            .transpose()?,
+        other: at.find("other").map(|c| c.u64().map(ObjectId)).transpose()?,
         evidence: Evidence {
             verdict,
             source,
@@ -383,10 +341,7 @@ pub(crate) fn from_agent(agent: &Agent) -> Map<String, Value> {
 }
 
 pub(crate) fn from_agent_pose(pose: &AgentPose) -> Value {
-    let Isometry3 {
-        rotation,
-        translation,
-    } = pose.world_from_body;
+    let Isometry3 { rotation, translation } = pose.world_from_body;
     json!({
         "stamp_ns": pose.stamp_ns,
         "position": [translation.x, translation.y, translation.z],
@@ -401,18 +356,11 @@ pub(crate) fn agent(at: &Cursor) -> Result<Agent, LoadError> {
             trajectory.push(agent_pose(&item)?);
         }
     }
-    Ok(Agent {
-        id: AgentId(at.get("id")?.u64()?),
-        name: text(at, "name")?,
-        trajectory,
-    })
+    Ok(Agent { id: AgentId(at.get("id")?.u64()?), name: text(at, "name")?, trajectory })
 }
 
 pub(crate) fn agent_pose(at: &Cursor) -> Result<AgentPose, LoadError> {
-    Ok(AgentPose {
-        stamp_ns: at.get("stamp_ns")?.i64()?,
-        world_from_body: at.pose()?,
-    })
+    Ok(AgentPose { stamp_ns: at.get("stamp_ns")?.i64()?, world_from_body: at.pose()? })
 }
 
 /// The builder's memory of an object. Voxels are `[x, y, z, hits, last_seen_ns]`.
@@ -432,10 +380,7 @@ pub(crate) fn from_memory(id: ObjectId, memory: &ObjectMemory) -> Map<String, Va
 }
 
 pub(crate) fn memory(at: &Cursor) -> Result<(ObjectId, ObjectMemory), LoadError> {
-    let mut memory = ObjectMemory {
-        voxel_m: at.get("voxel_m")?.f64()?,
-        ..ObjectMemory::default()
-    };
+    let mut memory = ObjectMemory { voxel_m: at.get("voxel_m")?.f64()?, ..ObjectMemory::default() };
     if !(memory.voxel_m > 1e-3 && memory.voxel_m < 1e6) {
         return Err(at.get("voxel_m")?.wrong("a length of 1 mm or more"));
     }
@@ -450,12 +395,7 @@ pub(crate) fn memory(at: &Cursor) -> Result<(ObjectId, ObjectMemory), LoadError>
         }
         let hits = u16::try_from(hits.u64()?).map_err(|_| hits.wrong("a count"))?;
         let key = crate::memory::key_of(&mean, memory.voxel_m);
-        memory.cells.push(Cell {
-            key,
-            mean,
-            hits: hits.max(1),
-            last_seen_ns: stamp.i64()?,
-        });
+        memory.cells.push(Cell { key, mean, hits: hits.max(1), last_seen_ns: stamp.i64()? });
     }
     // A mean that has followed the evidence may have left its voxel; keys are made anew either way.
     memory.settle();

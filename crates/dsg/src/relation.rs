@@ -48,9 +48,7 @@ impl RelationKind {
 
     /// The kind of a word of [`RelationKind::word`].
     pub fn from_word(word: &str) -> Option<RelationKind> {
-        RelationKind::ALL
-            .into_iter()
-            .find(|kind| kind.word() == word)
+        RelationKind::ALL.into_iter().find(|kind| kind.word() == word)
     }
 }
 

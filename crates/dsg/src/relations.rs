@@ -61,10 +61,7 @@ impl RelationConfig {
             ("verify_threshold", self.verify_threshold),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(ConfigError {
-                    field,
-                    rule: "finite and not negative",
-                });
+                return Err(ConfigError { field, rule: "finite and not negative" });
             }
         }
         Ok(())
@@ -125,23 +122,10 @@ pub fn update_relations(
 
     // The difference to what is known.
     let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
-    let gone = graph
-        .relations
-        .values()
-        .filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
+    let gone = graph.relations.values().filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
     let mut ops: Vec<Op> = gone.map(|known| Op::RemoveRelation(known.key())).collect();
-    let is_news = |relation: &&Relation| {
-        graph
-            .relations
-            .get(&relation.key())
-            .is_none_or(|known| !is_stated(known))
-    };
-    ops.extend(
-        relations
-            .values()
-            .filter(is_news)
-            .map(|relation| Op::PutRelation(*relation)),
-    );
+    let is_news = |relation: &&Relation| graph.relations.get(&relation.key()).is_none_or(|known| !is_stated(known));
+    ops.extend(relations.values().filter(is_news).map(|relation| Op::PutRelation(*relation)));
     report.revision = graph.apply(Op::Batch(ops))?.revision;
     Ok(report)
 }
@@ -150,19 +134,10 @@ pub fn update_relations(
 fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Object, &'a Object)> {
     let reach_m = config.near_m + NEAR_HYSTERESIS_M;
     let mut sorted: Vec<&Object> = graph.confirmed_objects().collect();
-    sorted.sort_by(|a, b| {
-        a.bounds
-            .min
-            .x
-            .total_cmp(&b.bounds.min.x)
-            .then(a.id.cmp(&b.id))
-    });
+    sorted.sort_by(|a, b| a.bounds.min.x.total_cmp(&b.bounds.min.x).then(a.id.cmp(&b.id)));
     let mut pairs = Vec::new();
     for (at, a) in sorted.iter().enumerate() {
-        for b in sorted[at + 1..]
-            .iter()
-            .take_while(|b| b.bounds.min.x <= a.bounds.max.x + reach_m)
-        {
+        for b in sorted[at + 1..].iter().take_while(|b| b.bounds.min.x <= a.bounds.max.x + reach_m) {
             if a.bounds.horizontal_gap_m(&b.bounds) <= reach_m {
                 pairs.push(if a.id < b.id { (*a, *b) } else { (*b, *a) });
             }
@@ -175,12 +150,7 @@ fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Ob
 const NEAR_HYSTERESIS_M: f64 = 0.1;
 
 /// What the boxes of a pair suggest: one contact or vertical relation in either direction, otherwise near.
-fn candidates(
-    graph: &SceneGraph,
-    a: &Object,
-    b: &Object,
-    config: &RelationConfig,
-) -> Vec<Relation> {
+fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfig) -> Vec<Relation> {
     let gap_m = a.bounds.gap_m(&b.bounds);
     if are_on_two_floors(graph, a, b) {
         return Vec::new();
@@ -210,10 +180,7 @@ fn candidates(
         }
     }
     let near = relation(a, RelationKind::Near, b);
-    let is_known = graph
-        .relations
-        .get(&near.key())
-        .is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+    let is_known = graph.relations.get(&near.key()).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
     if gap_m <= config.near_m + if is_known { NEAR_HYSTERESIS_M } else { 0.0 } {
         found.push(near);
     }
@@ -222,12 +189,7 @@ fn candidates(
 
 /// A lamp hangs under a ceiling, not under the rug above it.
 fn are_on_two_floors(graph: &SceneGraph, a: &Object, b: &Object) -> bool {
-    let floor = |object: &Object| {
-        object
-            .room
-            .and_then(|room| graph.room(room))
-            .map(|room| room.floor)
-    };
+    let floor = |object: &Object| object.room.and_then(|room| graph.room(room)).map(|room| room.floor);
     matches!((floor(a), floor(b)), (Some(a), Some(b)) if a != b)
 }
 
@@ -246,10 +208,7 @@ fn judge(
     report: &mut RelationReport,
 ) -> Relation {
     if relation.kind == RelationKind::Near
-        && let (Some(a), Some(b)) = (
-            graph.object(relation.subject),
-            graph.object(relation.object),
-        )
+        && let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object))
         && let Some(at) = blocking_point(a, b, line_of_sight, config)
     {
         relation.evidence.verdict = Verdict::Blocked(at);
@@ -269,27 +228,17 @@ fn ask(
     if relation.evidence.distance_m >= config.verify_within_m {
         return relation;
     }
-    let (Some(a), Some(b)) = (
-        graph.object(relation.subject),
-        graph.object(relation.object),
-    ) else {
+    let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object)) else {
         return relation;
     };
-    let known = graph
-        .relations
-        .get(&relation.key())
-        .map(|known| known.evidence);
+    let known = graph.relations.get(&relation.key()).map(|known| known.evidence);
     relation.evidence.source = EvidenceSource::Verifier;
     relation.evidence.score = match known {
         Some(known) if known.source == EvidenceSource::Verifier => known.score,
         _ => {
             report.asked += 1;
             let score = verify(a, b, relation.kind);
-            if score.is_finite() {
-                score.clamp(0.0, 1.0)
-            } else {
-                0.0
-            }
+            if score.is_finite() { score.clamp(0.0, 1.0) } else { 0.0 }
         }
     };
     if relation.evidence.score <= config.verify_threshold {
@@ -301,14 +250,9 @@ fn ask(
 /// Keeps a near relation if it is among the nearest of either end.
 fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize) {
     let mut of: BTreeMap<ObjectId, Vec<(f64, RelationKey)>> = BTreeMap::new();
-    for (key, relation) in relations
-        .iter()
-        .filter(|(key, _)| key.1 == RelationKind::Near)
-    {
+    for (key, relation) in relations.iter().filter(|(key, _)| key.1 == RelationKind::Near) {
         for id in [key.0, key.2] {
-            of.entry(id)
-                .or_default()
-                .push((relation.evidence.distance_m, *key));
+            of.entry(id).or_default().push((relation.evidence.distance_m, *key));
         }
     }
     let mut kept = std::collections::BTreeSet::new();
@@ -321,11 +265,7 @@ fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
 /// subject, the closest.
-fn between(
-    graph: &SceneGraph,
-    relations: &BTreeMap<RelationKey, Relation>,
-    config: &RelationConfig,
-) -> Vec<Relation> {
+fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, config: &RelationConfig) -> Vec<Relation> {
     const COS_150_DEG: f64 = -0.866;
     const HEIGHT_M: f64 = 0.6;
     let mut near: BTreeMap<ObjectId, Vec<ObjectId>> = BTreeMap::new();
@@ -356,29 +296,15 @@ fn between(
                 let (to_a, to_b) = (flat(a), flat(b));
                 let span_m = to_a.norm() + to_b.norm();
                 let is_opposite = to_a.dot(&to_b) <= COS_150_DEG * to_a.norm() * to_b.norm();
-                if is_opposite
-                    && to_a.norm() > 0.05
-                    && to_b.norm() > 0.05
-                    && span_m <= config.between_m
-                {
+                if is_opposite && to_a.norm() > 0.05 && to_b.norm() > 0.05 && span_m <= config.between_m {
                     let evidence = Evidence {
                         verdict: Verdict::Holds,
                         source: EvidenceSource::Geometry,
-                        distance_m: rounded(
-                            a.bounds
-                                .gap_m(&subject.bounds)
-                                .max(b.bounds.gap_m(&subject.bounds)),
-                        ),
+                        distance_m: rounded(a.bounds.gap_m(&subject.bounds).max(b.bounds.gap_m(&subject.bounds))),
                         score: 1.0,
                     };
                     let kind = RelationKind::Between;
-                    let relation = Relation {
-                        subject: *id,
-                        kind,
-                        object: a.id,
-                        other: Some(b.id),
-                        evidence,
-                    };
+                    let relation = Relation { subject: *id, kind, object: a.id, other: Some(b.id), evidence };
                     of_subject.push((span_m, relation));
                 }
             }
@@ -436,18 +362,8 @@ mod tests {
         ]);
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
         let found = found(&graph);
-        for expected in [
-            "O2 on O1",
-            "O3 under O1",
-            "O5 inside O4",
-            "O7 above O6",
-            "O6 under O7",
-            "O8 on O6",
-        ] {
-            assert!(
-                found.contains(&expected.to_owned()),
-                "{expected} in {found:?}"
-            );
+        for expected in ["O2 on O1", "O3 under O1", "O5 inside O4", "O7 above O6", "O6 under O7", "O8 on O6"] {
+            assert!(found.contains(&expected.to_owned()), "{expected} in {found:?}");
         }
         graph.check_invariants().unwrap();
     }
@@ -461,22 +377,14 @@ mod tests {
             ("chair", [2.0, 0.0, 0.45], side),
         ]);
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
-        assert!(
-            found(&graph).contains(&"O2 between O1 O3".to_owned()),
-            "{:?}",
-            found(&graph)
-        );
+        assert!(found(&graph).contains(&"O2 between O1 O3".to_owned()), "{:?}", found(&graph));
     }
 
     #[test]
     fn eq_6_a_wall_prunes_and_is_kept_as_evidence() {
-        let mut graph = scene(&[
-            ("chair", [-0.5, 0.0, 0.45], [0.5, 0.5, 0.9]),
-            ("plant", [0.5, 0.0, 0.45], [0.3, 0.3, 0.9]),
-        ]);
-        let wall = |a: &Point3<f64>, b: &Point3<f64>| {
-            (a.x * b.x < 0.0).then(|| a + (b - a) * (a.x / (a.x - b.x)))
-        };
+        let mut graph =
+            scene(&[("chair", [-0.5, 0.0, 0.45], [0.5, 0.5, 0.9]), ("plant", [0.5, 0.0, 0.45], [0.3, 0.3, 0.9])]);
+        let wall = |a: &Point3<f64>, b: &Point3<f64>| (a.x * b.x < 0.0).then(|| a + (b - a) * (a.x / (a.x - b.x)));
         let report = update_relations(&mut graph, &wall, &yes, &RelationConfig::default()).unwrap();
         assert_eq!((report.holding, report.blocked), (0, 1));
         assert_eq!(graph.relations().count(), 0);
@@ -486,24 +394,19 @@ mod tests {
 
     #[test]
     fn a_table_top_does_not_part_what_stands_on_it() {
-        let mut graph = scene(&[
-            ("mug", [0.0, 0.0, 0.80], [0.08, 0.08, 0.10]),
-            ("sink", [0.8, 0.0, 0.70], [0.5, 0.4, 0.2]),
-        ]);
+        let mut graph =
+            scene(&[("mug", [0.0, 0.0, 0.80], [0.08, 0.08, 0.10]), ("sink", [0.8, 0.0, 0.70], [0.5, 0.4, 0.2])]);
         // The counter's surface at 0.75 m, and nothing else.
-        let counter = |a: &Point3<f64>, b: &Point3<f64>| {
-            ((a.z - 0.75) * (b.z - 0.75) <= 0.0).then(|| nalgebra::center(a, b))
-        };
+        let counter =
+            |a: &Point3<f64>, b: &Point3<f64>| ((a.z - 0.75) * (b.z - 0.75) <= 0.0).then(|| nalgebra::center(a, b));
         update_relations(&mut graph, &counter, &yes, &RelationConfig::default()).unwrap();
         assert_eq!(found(&graph), ["O1 near O2"]);
     }
 
     #[test]
     fn eq_7_the_verifier_is_asked_once_and_obeyed() {
-        let mut graph = scene(&[
-            ("chair", [0.0, 0.0, 0.45], [0.5, 0.5, 0.9]),
-            ("plant", [0.8, 0.0, 0.45], [0.3, 0.3, 0.9]),
-        ]);
+        let mut graph =
+            scene(&[("chair", [0.0, 0.0, 0.45], [0.5, 0.5, 0.9]), ("plant", [0.8, 0.0, 0.45], [0.3, 0.3, 0.9])]);
         let config = RelationConfig::default();
         let no = |_: &Object, _: &Object, _: RelationKind| 0.5;
         let report = update_relations(&mut graph, &clear, &no, &config).unwrap();
@@ -516,23 +419,11 @@ mod tests {
 
     #[test]
     fn stated_relations_stay() {
-        let mut graph = scene(&[
-            ("chair", [0.0, 0.0, 0.0], [0.5; 3]),
-            ("plant", [9.0, 0.0, 0.0], [0.5; 3]),
-        ]);
-        let evidence = Evidence {
-            verdict: Verdict::Holds,
-            source: EvidenceSource::Stated,
-            distance_m: 8.5,
-            score: 1.0,
-        };
-        let relation = Relation {
-            subject: ObjectId(1),
-            kind: RelationKind::Near,
-            object: ObjectId(2),
-            other: None,
-            evidence,
-        };
+        let mut graph = scene(&[("chair", [0.0, 0.0, 0.0], [0.5; 3]), ("plant", [9.0, 0.0, 0.0], [0.5; 3])]);
+        let evidence =
+            Evidence { verdict: Verdict::Holds, source: EvidenceSource::Stated, distance_m: 8.5, score: 1.0 };
+        let relation =
+            Relation { subject: ObjectId(1), kind: RelationKind::Near, object: ObjectId(2), other: None, evidence };
         graph.apply(Op::PutRelation(relation)).unwrap();
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
         assert_eq!(graph.relations().count(), 1);

@@ -54,19 +54,13 @@ const EVIDENCE: &[(&str, &[(&str, f64)])] = &[
     ("tv stand", &[("living room", 2.0)]),
     ("fireplace", &[("living room", 2.5)]),
     ("piano", &[("living room", 1.5)]),
-    (
-        "bookshelf",
-        &[("study", 1.0), ("living room", 0.4), ("office", 0.3)],
-    ),
+    ("bookshelf", &[("study", 1.0), ("living room", 0.4), ("office", 0.3)]),
     ("dining table", &[("dining room", 2.5), ("kitchen", 0.4)]),
     ("dining chair", &[("dining room", 1.2)]),
     ("sideboard", &[("dining room", 1.2)]),
     ("chandelier", &[("dining room", 1.2)]),
     ("desk", &[("office", 1.4), ("study", 1.4)]),
-    (
-        "office chair",
-        &[("office", 1.0), ("study", 0.8), ("meeting room", 0.3)],
-    ),
+    ("office chair", &[("office", 1.0), ("study", 0.8), ("meeting room", 0.3)]),
     ("monitor", &[("office", 1.0), ("study", 0.8), ("lab", 0.4)]),
     ("computer", &[("office", 0.8), ("study", 0.7), ("lab", 0.5)]),
     ("keyboard", &[("office", 0.7), ("study", 0.6)]),
@@ -75,21 +69,12 @@ const EVIDENCE: &[(&str, &[(&str, f64)])] = &[
     ("filing cabinet", &[("office", 1.5), ("print room", 0.4)]),
     ("conference table", &[("meeting room", 4.0)]),
     ("meeting table", &[("meeting room", 4.0)]),
-    (
-        "whiteboard",
-        &[("meeting room", 2.0), ("office", 0.5), ("lab", 0.4)],
-    ),
+    ("whiteboard", &[("meeting room", 2.0), ("office", 0.5), ("lab", 0.4)]),
     ("projector", &[("meeting room", 2.5)]),
     ("projector screen", &[("meeting room", 2.5)]),
-    (
-        "washing machine",
-        &[("laundry room", 3.0), ("bathroom", 0.6)],
-    ),
+    ("washing machine", &[("laundry room", 3.0), ("bathroom", 0.6)]),
     ("dryer", &[("laundry room", 3.0)]),
-    (
-        "laundry basket",
-        &[("laundry room", 1.8), ("bathroom", 0.6)],
-    ),
+    ("laundry basket", &[("laundry room", 1.8), ("bathroom", 0.6)]),
     ("ironing board", &[("laundry room", 2.2)]),
     ("drying rack", &[("laundry room", 2.0)]),
     ("detergent", &[("laundry room", 1.8)]),
@@ -150,21 +135,15 @@ pub struct KindGuess {
 }
 
 /// The most likely kind of a room with these things in it. `None` if nothing in it speaks for any.
-pub fn room_kind<'a>(
-    contents: impl IntoIterator<Item = &'a Object>,
-    shape: RoomShape,
-) -> Option<KindGuess> {
+pub fn room_kind<'a>(contents: impl IntoIterator<Item = &'a Object>, shape: RoomShape) -> Option<KindGuess> {
     let mut scores = vec![0.0_f64; ROOM_KINDS.len()];
     let mut seen = vec![0_i32; EVIDENCE.len()];
     let mut rows: BTreeMap<&str, Option<(usize, f64)>> = BTreeMap::new();
     for object in contents {
-        let row = *rows
-            .entry(&object.label)
-            .or_insert_with(|| row_of(&object.label));
+        let row = *rows.entry(&object.label).or_insert_with(|| row_of(&object.label));
         let Some((row, likeness)) = row else { continue };
         // What is doubted speaks softly.
-        let belief =
-            likeness * object.vote_share(&object.label) * if object.confirmed { 1.0 } else { 0.4 };
+        let belief = likeness * object.vote_share(&object.label) * if object.confirmed { 1.0 } else { 0.4 };
         let weight = belief * REPEAT.powi(seen[row]);
         seen[row] += 1;
         for (kind, strength) in EVIDENCE[row].1 {
@@ -180,18 +159,13 @@ pub fn room_kind<'a>(
         scores[7] += bonus;
         scores[8] += bonus * 0.5;
     }
-    let best =
-        (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]).then(b.cmp(&a)))?;
+    let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]).then(b.cmp(&a)))?;
     if scores[best] <= 0.0 {
         return None;
     }
-    let total: f64 = scores.iter().map(|score| score.exp()).sum::<f64>() + CANNOT_TELL.exp()
-        - scores.len() as f64
-        + 1.0;
-    Some(KindGuess {
-        kind: ROOM_KINDS[best],
-        confidence: scores[best].exp() / total,
-    })
+    let total: f64 =
+        scores.iter().map(|score| score.exp()).sum::<f64>() + CANNOT_TELL.exp() - scores.len() as f64 + 1.0;
+    Some(KindGuess { kind: ROOM_KINDS[best], confidence: scores[best].exp() / total })
 }
 
 /// The row of a label, or of its nearest synonym or head noun, with the likeness.
@@ -220,17 +194,9 @@ mod tests {
     use crate::ids::ObjectId;
 
     fn guess(labels: &[&str]) -> Option<KindGuess> {
-        let things: Vec<Object> = labels
-            .iter()
-            .map(|label| Object::new(ObjectId(1), label, Aabb::at(Point3::origin())))
-            .collect();
-        room_kind(
-            &things,
-            RoomShape {
-                elongation: 1.0,
-                doors: 1,
-            },
-        )
+        let things: Vec<Object> =
+            labels.iter().map(|label| Object::new(ObjectId(1), label, Aabb::at(Point3::origin()))).collect();
+        room_kind(&things, RoomShape { elongation: 1.0, doors: 1 })
     }
 
     #[test]
@@ -244,10 +210,7 @@ mod tests {
         check(&["bed", "nightstand", "lamp"], "bedroom");
         check(&["toilet", "sink"], "bathroom");
         check(&["couch", "television", "coffee table"], "living room");
-        check(
-            &["meeting table", "office chair", "whiteboard"],
-            "meeting room",
-        );
+        check(&["meeting table", "office chair", "whiteboard"], "meeting room");
         check(&["printer", "copier"], "print room");
     }
 
@@ -260,14 +223,7 @@ mod tests {
     #[test]
     fn a_long_room_with_doors_is_a_hallway() {
         let empty: [&Object; 0] = [];
-        let guess = room_kind(
-            empty,
-            RoomShape {
-                elongation: 4.0,
-                doors: 4,
-            },
-        )
-        .unwrap();
+        let guess = room_kind(empty, RoomShape { elongation: 4.0, doors: 4 }).unwrap();
         assert_eq!(guess.kind, "hallway");
         assert!(guess.confidence > 0.6);
     }

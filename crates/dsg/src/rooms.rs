@@ -40,11 +40,7 @@ pub struct RoomConfig {
 
 impl Default for RoomConfig {
     fn default() -> RoomConfig {
-        RoomConfig {
-            min_jaccard: 0.3,
-            min_containment: 0.5,
-            name_confidence: 0.6,
-        }
+        RoomConfig { min_jaccard: 0.3, min_containment: 0.5, name_confidence: 0.6 }
     }
 }
 
@@ -57,10 +53,7 @@ impl RoomConfig {
             ("name_confidence", self.name_confidence),
         ] {
             if !(0.0..=1.0).contains(&share) {
-                return Err(ConfigError {
-                    field,
-                    rule: "in [0, 1]",
-                });
+                return Err(ConfigError { field, rule: "in [0, 1]" });
             }
         }
         Ok(())
@@ -100,29 +93,19 @@ pub fn update_rooms(
 
     // Identity: which part is which old room.
     let (room_of, created) = identify(graph, parts, &members, part_of_point, config);
-    let removed: Vec<RoomId> = graph
-        .rooms()
-        .map(|room| room.id)
-        .filter(|id| !room_of.contains(id))
-        .collect();
+    let removed: Vec<RoomId> = graph.rooms().map(|room| room.id).filter(|id| !room_of.contains(id)).collect();
 
     // Objects stand in parts.
     let room_of_object: BTreeMap<_, _> = graph
         .objects()
         .map(|object| {
-            let of_point =
-                part_of_point(&object.centroid).and_then(|part| room_of.get(part).copied());
+            let of_point = part_of_point(&object.centroid).and_then(|part| room_of.get(part).copied());
             let of_place = || {
                 let place = object.place?;
                 let part = members.iter().position(|places| places.contains(&place))?;
                 Some(room_of[part])
             };
-            (
-                object.id,
-                of_point
-                    .or(object.room.filter(|room| room_of.contains(room)))
-                    .or_else(of_place),
-            )
+            (object.id, of_point.or(object.room.filter(|room| room_of.contains(room))).or_else(of_place))
         })
         .collect();
 
@@ -130,14 +113,9 @@ pub fn update_rooms(
     let shapes = shapes_of(graph, &members, doorways);
     let mut rooms: Vec<Room> = Vec::new();
     for (part, id) in room_of.iter().enumerate() {
-        let contents = graph
-            .objects()
-            .filter(|object| room_of_object[&object.id] == Some(*id));
+        let contents = graph.objects().filter(|object| room_of_object[&object.id] == Some(*id));
         let guess = room_kind(contents, shapes[part]);
-        let known = graph
-            .room(*id)
-            .cloned()
-            .unwrap_or_else(|| Room::new(*id, parts[part].center));
+        let known = graph.room(*id).cloned().unwrap_or_else(|| Room::new(*id, parts[part].center));
         rooms.push(Room {
             kind: guess.as_ref().map(|guess| guess.kind.to_owned()),
             kind_confidence: guess.map_or(0.0, |guess| guess.confidence),
@@ -153,15 +131,10 @@ pub fn update_rooms(
     // One batch. Names are set in two steps because two rooms may swap them.
     let mut ops: Vec<Op> = removed.iter().map(|id| Op::RemoveRoom(*id)).collect();
     for room in &rooms {
-        let is_renamed = graph
-            .room(room.id)
-            .is_some_and(|known| known.name != room.name);
+        let is_renamed = graph.room(room.id).is_some_and(|known| known.name != room.name);
         if is_renamed {
             let known = graph.room(room.id).expect("just found").clone();
-            ops.push(Op::PutRoom(Box::new(Room {
-                name: format!("\u{0}{}", room.id),
-                ..known
-            })));
+            ops.push(Op::PutRoom(Box::new(Room { name: format!("\u{0}{}", room.id), ..known })));
         }
     }
     rooms.sort_by_key(|room| room.id);
@@ -171,36 +144,21 @@ pub fn update_rooms(
     for object in graph.objects() {
         let room = room_of_object[&object.id];
         // Places are renewed while the map grows; an object that lost its place gets the nearest.
-        let place = object
-            .place
-            .or_else(|| graph.place_nearest(&object.centroid).map(|place| place.id));
+        let place = object.place.or_else(|| graph.place_nearest(&object.centroid).map(|place| place.id));
         if object.room != room || object.place != place {
-            ops.push(Op::PutObject(Box::new(Object {
-                room,
-                place,
-                ..object.clone()
-            })));
+            ops.push(Op::PutObject(Box::new(Object { room, place, ..object.clone() })));
         }
     }
     ops.push(Op::PutBuilding(Box::new(building)));
     let event = graph.apply(Op::Batch(ops))?;
-    Ok(RoomReport {
-        room_of,
-        created,
-        removed,
-        revision: event.revision,
-    })
+    Ok(RoomReport { room_of, created, removed, revision: event.revision })
 }
 
 /// The places of each part that exist, each place in one part only.
 fn members_of(graph: &SceneGraph, parts: &[RoomPart]) -> Vec<BTreeSet<PlaceId>> {
     let mut taken = BTreeSet::new();
     let own = |part: &RoomPart| {
-        part.places
-            .iter()
-            .copied()
-            .filter(|id| graph.place(*id).is_some() && taken.insert(*id))
-            .collect()
+        part.places.iter().copied().filter(|id| graph.place(*id).is_some() && taken.insert(*id)).collect()
     };
     parts.iter().map(own).collect()
 }
@@ -218,11 +176,7 @@ fn identify(
     let mut overlaps: Vec<(bool, f64, RoomId, usize)> = Vec::new();
     for room in graph.rooms() {
         for (part, places) in members.iter().enumerate() {
-            let common = room
-                .places
-                .iter()
-                .filter(|place| places.contains(place))
-                .count() as f64;
+            let common = room.places.iter().filter(|place| places.contains(place)).count() as f64;
             if common == 0.0 {
                 continue;
             }
@@ -235,12 +189,7 @@ fn identify(
             }
         }
     }
-    overlaps.sort_by(|a, b| {
-        b.0.cmp(&a.0)
-            .then(b.1.total_cmp(&a.1))
-            .then(a.2.cmp(&b.2))
-            .then(a.3.cmp(&b.3))
-    });
+    overlaps.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)).then(a.3.cmp(&b.3)));
     let mut taken = BTreeSet::new();
     for (_, _, room, part) in overlaps {
         if room_of[part].is_none() && !taken.contains(&room) {
@@ -277,17 +226,12 @@ fn shapes_of(
 ) -> Vec<RoomShape> {
     let shape = |(part, places): (usize, &BTreeSet<PlaceId>)| {
         let places: Vec<&Place> = places.iter().filter_map(|id| graph.place(*id)).collect();
-        let beyond = doorways
-            .iter()
-            .filter_map(|door| match (door.0 == part, door.1 == part) {
-                (true, false) => Some(door.1),
-                (false, true) => Some(door.0),
-                _ => None,
-            });
-        RoomShape {
-            elongation: elongation(&places),
-            doors: beyond.collect::<BTreeSet<usize>>().len(),
-        }
+        let beyond = doorways.iter().filter_map(|door| match (door.0 == part, door.1 == part) {
+            (true, false) => Some(door.1),
+            (false, true) => Some(door.0),
+            _ => None,
+        });
+        RoomShape { elongation: elongation(&places), doors: beyond.collect::<BTreeSet<usize>>().len() }
     };
     members.iter().enumerate().map(shape).collect()
 }
@@ -298,27 +242,17 @@ fn elongation(places: &[&Place]) -> f64 {
     if places.len() < 4 {
         return 1.0;
     }
-    let points: Vec<Vector2<f64>> = places
-        .iter()
-        .map(|place| place.position.coords.xy())
-        .collect();
+    let points: Vec<Vector2<f64>> = places.iter().map(|place| place.position.coords.xy()).collect();
     let mean = points.iter().sum::<Vector2<f64>>() / points.len() as f64;
-    let scatter: Matrix2<f64> = points
-        .iter()
-        .map(|p| (p - mean) * (p - mean).transpose())
-        .sum();
+    let scatter: Matrix2<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let eigen = scatter.symmetric_eigen();
     // Furniture narrows most places; the wide ones tell of the walls.
     let mut clearances: Vec<f64> = places.iter().map(|place| place.clearance_m).collect();
     clearances.sort_by(f64::total_cmp);
     let clearance_m = clearances[clearances.len() * 3 / 4].max(0.2);
     let extent_m = |axis: usize| {
-        let along = points
-            .iter()
-            .map(|p| (p - mean).dot(&eigen.eigenvectors.column(axis)));
-        let (low, high) = along.fold((0.0_f64, 0.0_f64), |(low, high), x| {
-            (low.min(x), high.max(x))
-        });
+        let along = points.iter().map(|p| (p - mean).dot(&eigen.eigenvectors.column(axis)));
+        let (low, high) = along.fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
         high - low + 2.0 * clearance_m
     };
     let (a, b) = (extent_m(0), extent_m(1));
@@ -328,23 +262,15 @@ fn elongation(places: &[&Place]) -> f64 {
 /// Names from kinds where they are sure enough; "room N" otherwise; a user's name always. The older room keeps the plain
 /// name, later ones are numbered.
 pub(crate) fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
-    let mut taken: BTreeSet<String> = rooms
-        .iter()
-        .filter(|room| room.is_user_named)
-        .map(|room| room.name.clone())
-        .collect();
-    let mut order: Vec<usize> = (0..rooms.len())
-        .filter(|&at| !rooms[at].is_user_named)
-        .collect();
+    let mut taken: BTreeSet<String> =
+        rooms.iter().filter(|room| room.is_user_named).map(|room| room.name.clone()).collect();
+    let mut order: Vec<usize> = (0..rooms.len()).filter(|&at| !rooms[at].is_user_named).collect();
     order.sort_by_key(|&at| rooms[at].id);
     // A room whose present name still fits keeps it, so that "bedroom 2" does not become "bedroom" because the first went.
     let wish = |room: &Room| match &room.kind {
         Some(kind) if room.kind_confidence >= config.name_confidence => kind.clone(),
         // Once named, doubt must be serious before the name goes.
-        Some(kind)
-            if room.kind_confidence >= 0.6 * config.name_confidence
-                && is_numbered(&room.name, kind) =>
-        {
+        Some(kind) if room.kind_confidence >= 0.6 * config.name_confidence && is_numbered(&room.name, kind) => {
             kind.clone()
         }
         _ => String::new(),
@@ -359,15 +285,9 @@ pub(crate) fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
     }
     for at in waiting {
         let plain = format!("room {}", rooms[at].id.0);
-        let base = if wishes[at].is_empty() {
-            plain
-        } else {
-            wishes[at].clone()
-        };
+        let base = if wishes[at].is_empty() { plain } else { wishes[at].clone() };
         let numbered = (2..).map(|n| format!("{base} {n}"));
-        let name = std::iter::once(base.clone())
-            .chain(numbered)
-            .find(|name| !taken.contains(name));
+        let name = std::iter::once(base.clone()).chain(numbered).find(|name| !taken.contains(name));
         rooms[at].name = name.expect("names are numbered without end");
         taken.insert(rooms[at].name.clone());
     }
@@ -377,9 +297,7 @@ pub(crate) fn name_rooms(rooms: &mut [Room], config: &RoomConfig) {
 pub(crate) fn is_numbered(name: &str, kind: &str) -> bool {
     match name.strip_prefix(kind) {
         Some("") => true,
-        Some(rest) => rest
-            .strip_prefix(' ')
-            .is_some_and(|n| n.parse::<u32>().is_ok()),
+        Some(rest) => rest.strip_prefix(' ').is_some_and(|n| n.parse::<u32>().is_ok()),
         None => false,
     }
 }
@@ -398,25 +316,16 @@ fn door_ops(
         if from == to {
             continue;
         }
-        let door = RoomEdge {
-            a: from.min(to),
-            b: from.max(to),
-            doorway: *doorway,
-            width_m: *width_m,
-        };
+        let door = RoomEdge { a: from.min(to), b: from.max(to), doorway: *doorway, width_m: *width_m };
         let widest = doors.entry((door.a, door.b)).or_insert(door);
         if door.width_m > widest.width_m {
             *widest = door;
         }
     }
-    let gone = graph
-        .room_edges()
-        .filter(|edge| !doors.contains_key(&(edge.a, edge.b)));
+    let gone = graph.room_edges().filter(|edge| !doors.contains_key(&(edge.a, edge.b)));
     // Edges of removed rooms go with them.
     let gone = gone.filter(|edge| !removed.contains(&edge.a) && !removed.contains(&edge.b));
-    let mut ops: Vec<Op> = gone
-        .map(|edge| Op::RemoveRoomEdge(edge.a, edge.b))
-        .collect();
+    let mut ops: Vec<Op> = gone.map(|edge| Op::RemoveRoomEdge(edge.a, edge.b)).collect();
     ops.extend(doors.into_values().map(Op::PutRoomEdge));
     ops
 }
@@ -430,11 +339,7 @@ fn building_of(graph: &SceneGraph, rooms: &[Room]) -> Building {
         storey.0 += room.center.z;
         storey.1 += 1;
     }
-    let storey = |(floor, (sum, rooms)): (i32, (f64, u32))| Storey {
-        floor,
-        height_m: sum / f64::from(rooms),
-        rooms,
-    };
+    let storey = |(floor, (sum, rooms)): (i32, (f64, u32))| Storey { floor, height_m: sum / f64::from(rooms), rooms };
     let known = graph.buildings().next();
     Building {
         id: known.map_or(BuildingId(0), |building| building.id),

@@ -49,9 +49,5 @@ fn exit(from: &Point3<f64>, to: &Point3<f64>, object: &Object, margin_m: f64) ->
             leave = leave.min((around.min[k] - from[k]) / along[k]);
         }
     }
-    if leave.is_finite() {
-        from + along * leave
-    } else {
-        *from
-    }
+    if leave.is_finite() { from + along * leave } else { *from }
 }

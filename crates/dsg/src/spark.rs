@@ -21,9 +21,7 @@ use crate::op::Op;
 use crate::place::{Place, PlaceEdge};
 use crate::room::{Building, Room, RoomEdge, Storey};
 use crate::rooms::{RoomConfig, name_rooms};
-use crate::spark_attributes::{
-    bounds, building, color, group, is_symbol, place, position, room, without_number,
-};
+use crate::spark_attributes::{bounds, building, color, group, is_symbol, place, position, room, without_number};
 
 /// Newest major version read.
 const MAJOR: u64 = 1;
@@ -34,17 +32,11 @@ const NO_LABEL: u32 = u32::MAX;
 ///
 /// # Errors
 /// Every fault of the text, a node or an edge, with its JSON path. Never a panic, whatever the bytes.
-pub fn read_spark_dsg(
-    bytes: &[u8],
-    label_names: Option<&BTreeMap<u32, String>>,
-) -> Result<SceneGraph, LoadError> {
+pub fn read_spark_dsg(bytes: &[u8], label_names: Option<&BTreeMap<u32, String>>) -> Result<SceneGraph, LoadError> {
     let value = parse(bytes)?;
     let root = Cursor::root(&value);
     check_header(&root)?;
-    let mut import = Import {
-        label_names,
-        ..Import::default()
-    };
+    let mut import = Import { label_names, ..Import::default() };
     for node in root.get("nodes")?.items()? {
         import.node(&node)?;
     }
@@ -56,11 +48,7 @@ pub fn read_spark_dsg(
         // theirs may be any JSON
         match metadata.value {
             Value::Object(map) => graph.metadata.extend(map.clone()),
-            other => drop(
-                graph
-                    .metadata
-                    .insert("spark_metadata".into(), other.clone()),
-            ),
+            other => drop(graph.metadata.insert("spark_metadata".into(), other.clone())),
         }
     }
     graph.clear_log();
@@ -74,10 +62,7 @@ fn check_header(root: &Cursor) -> Result<(), LoadError> {
         Some(header) => {
             let major = header.get("version")?.get("major")?.u64()?;
             if major > MAJOR {
-                return Err(LoadError::NewerVersion {
-                    major,
-                    supported: MAJOR,
-                });
+                return Err(LoadError::NewerVersion { major, supported: MAJOR });
             }
             root.get("layer_keys").map(drop)
         }
@@ -149,44 +134,34 @@ impl Import<'_> {
             }
             "PlaceNodeAttributes" if partition == 0 => {
                 let key = free(index, |i| self.places.contains_key(&PlaceId(i)));
-                self.places
-                    .insert(PlaceId(key), place(PlaceId(key), &attributes)?);
+                self.places.insert(PlaceId(key), place(PlaceId(key), &attributes)?);
                 Kind::Place(PlaceId(key))
             }
             "RoomNodeAttributes" => {
                 let key = free(index, |i| self.rooms.contains_key(&RoomId(i)));
-                self.rooms
-                    .insert(RoomId(key), room(RoomId(key), &attributes)?);
+                self.rooms.insert(RoomId(key), room(RoomId(key), &attributes)?);
                 Kind::Room(RoomId(key))
             }
             "SemanticNodeAttributes" if layer == 5 => {
                 let key = free(index, |i| self.buildings.contains_key(&BuildingId(i)));
-                self.buildings
-                    .insert(BuildingId(key), building(BuildingId(key), &attributes)?);
+                self.buildings.insert(BuildingId(key), building(BuildingId(key), &attributes)?);
                 Kind::Building(BuildingId(key))
             }
             "SemanticNodeAttributes" if layer == 2 && partition == 1 => {
                 let key = free(index, |i| self.groups.contains_key(&GroupId(i)));
-                self.groups
-                    .insert(GroupId(key), group(GroupId(key), &attributes)?);
+                self.groups.insert(GroupId(key), group(GroupId(key), &attributes)?);
                 Kind::Group(GroupId(key))
             }
             "AgentNodeAttributes" => {
                 // Up to 1.0.x the robot is `prefix` and the stamp stands beside the id; from 1.1.0 on it is the partition.
                 let robot = at.find("prefix").map_or(Ok(partition), |c| c.u32())?;
-                let stamp = attributes
-                    .find("timestamp")
-                    .or_else(|| at.find("timestamp"));
+                let stamp = attributes.find("timestamp").or_else(|| at.find("timestamp"));
                 let stamp_ns = stamp.map_or(Ok(0), |c| c.i64())?;
-                let rotation = attributes
-                    .find("world_R_body")
-                    .map_or(Ok(UnitQuaternion::identity()), |c| c.quaternion())?;
+                let rotation =
+                    attributes.find("world_R_body").map_or(Ok(UnitQuaternion::identity()), |c| c.quaternion())?;
                 let position = position(&attributes)?;
                 let world_from_body = Isometry3::from_parts(position.coords.into(), rotation);
-                self.agents.entry(robot).or_default().push(AgentPose {
-                    stamp_ns,
-                    world_from_body,
-                });
+                self.agents.entry(robot).or_default().push(AgentPose { stamp_ns, world_from_body });
                 Kind::Pose
             }
             "NodeAttributes"
@@ -199,9 +174,7 @@ impl Import<'_> {
                 Kind::Skipped
             }
             _ => {
-                return Err(LoadError::UnknownType {
-                    path: node_type.path(),
-                });
+                return Err(LoadError::UnknownType { path: node_type.path() });
             }
         };
         self.kinds.insert(id, kind);
@@ -212,28 +185,16 @@ impl Import<'_> {
         let position = position(at)?;
         let bounds = bounds(at, &position)?;
         let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-        let number = at
-            .find("semantic_label")
-            .map_or(Ok(NO_LABEL), |c| c.u32())?;
-        let from_table = self
-            .label_names
-            .and_then(|names| names.get(&number))
-            .map(String::as_str);
+        let number = at.find("semantic_label").map_or(Ok(NO_LABEL), |c| c.u32())?;
+        let from_table = self.label_names.and_then(|names| names.get(&number)).map(String::as_str);
         let from_name = (!name.is_empty() && !is_symbol(name)).then(|| without_number(name));
-        let label = match from_table
-            .or(from_name)
-            .map(str::trim)
-            .filter(|label| !label.is_empty())
-        {
+        let label = match from_table.or(from_name).map(str::trim).filter(|label| !label.is_empty()) {
             Some(label) => label.to_lowercase(),
             None if number == NO_LABEL => "unknown".to_owned(),
             None => format!("label {number}"),
         };
         let mut object = Object::new(id, &label, bounds);
-        object.metadata = at
-            .find("metadata")
-            .and_then(|c| c.value.as_object().cloned())
-            .unwrap_or_default();
+        object.metadata = at.find("metadata").and_then(|c| c.value.as_object().cloned()).unwrap_or_default();
         if let Some(caption) = object.metadata.get("caption").and_then(Value::as_str) {
             object.caption = caption.to_owned();
         }
@@ -241,9 +202,7 @@ impl Import<'_> {
         // Their colours come from a label table, not from a camera: kept, but not made into a word.
         object.attributes = crate::attributes::attributes_of(&object.caption, None);
         object.metadata.insert("spark_id".into(), json!(spark_id));
-        object
-            .metadata
-            .insert("semantic_label".into(), json!(number));
+        object.metadata.insert("semantic_label".into(), json!(number));
         if !name.is_empty() {
             object.metadata.insert("name".into(), json!(name));
         }
@@ -252,9 +211,7 @@ impl Import<'_> {
         object.first_seen_ns = object.last_seen_ns;
         if let Some(first) = at.find("first_observed_ns") {
             for stamp in first.items()? {
-                object.first_seen_ns = object
-                    .first_seen_ns
-                    .min(i64::try_from(stamp.u64()?).unwrap_or(i64::MAX));
+                object.first_seen_ns = object.first_seen_ns.min(i64::try_from(stamp.u64()?).unwrap_or(i64::MAX));
             }
         }
         // Khronos: an object with a trajectory moves.
@@ -269,30 +226,17 @@ impl Import<'_> {
     fn edge(&mut self, at: &Cursor) -> Result<(), LoadError> {
         let (source_at, target_at) = (at.get("source")?, at.get("target")?);
         let (source, target) = (source_at.u64()?, target_at.u64()?);
-        let a = *self
-            .kinds
-            .get(&source)
-            .ok_or_else(|| source_at.dangling(source))?;
-        let b = *self
-            .kinds
-            .get(&target)
-            .ok_or_else(|| target_at.dangling(target))?;
+        let a = *self.kinds.get(&source).ok_or_else(|| source_at.dangling(source))?;
+        let b = *self.kinds.get(&target).ok_or_else(|| target_at.dangling(target))?;
         if source == target || !self.edges.insert((source.min(target), source.max(target))) {
             return Err(at.duplicate());
         }
         // Children first: the larger layer is the parent.
-        let (child, parent) = if a.layer() <= b.layer() {
-            (a, b)
-        } else {
-            (b, a)
-        };
+        let (child, parent) = if a.layer() <= b.layer() { (a, b) } else { (b, a) };
         match (child, parent) {
             (Kind::Place(a), Kind::Place(b)) => {
                 let info = at.find("info");
-                let is_weighted = info
-                    .as_ref()
-                    .and_then(|c| c.find("weighted"))
-                    .map_or(Ok(false), |c| c.bool())?;
+                let is_weighted = info.as_ref().and_then(|c| c.find("weighted")).map_or(Ok(false), |c| c.bool())?;
                 let weight = info.as_ref().and_then(|c| c.find("weight"));
                 let least = self.places[&a].clearance_m.min(self.places[&b].clearance_m);
                 let clearance_m = match weight {
@@ -308,8 +252,7 @@ impl Import<'_> {
             }
             (Kind::Place(place), Kind::Room(room)) => {
                 // Several parents are allowed there; the first stays.
-                if let (Some(place), Some(room)) =
-                    (self.places.get_mut(&place), self.rooms.get_mut(&room))
+                if let (Some(place), Some(room)) = (self.places.get_mut(&place), self.rooms.get_mut(&room))
                     && place.room.is_none()
                 {
                     place.room = Some(room.id);
@@ -322,8 +265,7 @@ impl Import<'_> {
                     building.rooms.push(room);
                 }
             }
-            (Kind::Object(object), Kind::Group(group))
-            | (Kind::Group(group), Kind::Object(object)) => {
+            (Kind::Object(object), Kind::Group(group)) | (Kind::Group(group), Kind::Object(object)) => {
                 if let Some(group) = self.groups.get_mut(&group) {
                     group.members.push(object);
                 }
@@ -340,73 +282,40 @@ impl Import<'_> {
         let doors = self.doors();
         let mut rooms: Vec<Room> = std::mem::take(&mut self.rooms).into_values().collect();
         name_rooms(&mut rooms, &RoomConfig::default());
-        let mut ops: Vec<Op> = self
-            .places
-            .values()
-            .map(|place| Op::PutPlace(*place))
-            .collect();
+        let mut ops: Vec<Op> = self.places.values().map(|place| Op::PutPlace(*place)).collect();
         ops.extend(self.place_edges.iter().map(|edge| Op::PutPlaceEdge(*edge)));
-        ops.extend(
-            rooms
-                .iter()
-                .cloned()
-                .map(|room| Op::PutRoom(Box::new(room))),
-        );
+        ops.extend(rooms.iter().cloned().map(|room| Op::PutRoom(Box::new(room))));
         ops.extend(doors.into_iter().map(Op::PutRoomEdge));
         for mut building in std::mem::take(&mut self.buildings).into_values() {
-            let heights: Vec<f64> = rooms
-                .iter()
-                .filter(|room| building.rooms.contains(&room.id))
-                .map(|room| room.center.z)
-                .collect();
+            let heights: Vec<f64> =
+                rooms.iter().filter(|room| building.rooms.contains(&room.id)).map(|room| room.center.z).collect();
             if !heights.is_empty() {
                 let height_m = heights.iter().sum::<f64>() / heights.len() as f64;
-                building.storeys = vec![Storey {
-                    floor: 0,
-                    height_m,
-                    rooms: heights.len() as u32,
-                }];
+                building.storeys = vec![Storey { floor: 0, height_m, rooms: heights.len() as u32 }];
             }
             ops.push(Op::PutBuilding(Box::new(building)));
         }
         for mut object in std::mem::take(&mut self.objects).into_values() {
             if object.place.is_none() {
                 let distance = |place: &Place| (place.position - object.centroid).norm_squared();
-                let nearest = self
-                    .places
-                    .values()
-                    .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                let nearest = self.places.values().min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 object.place = nearest.map(|place| place.id);
             }
             object.room = object.place.and_then(|place| self.places[&place].room);
             ops.push(Op::PutObject(Box::new(object)));
         }
-        for group in std::mem::take(&mut self.groups)
-            .into_values()
-            .filter(|group| group.members.len() >= 2)
-        {
+        for group in std::mem::take(&mut self.groups).into_values().filter(|group| group.members.len() >= 2) {
             ops.push(Op::PutGroup(Box::new(group)));
         }
         for (robot, mut trajectory) in std::mem::take(&mut self.agents) {
             trajectory.sort_by_key(|pose| pose.stamp_ns);
             let letter = char::from_u32(robot).filter(char::is_ascii_alphabetic);
-            let name = letter.map_or_else(
-                || format!("robot {robot}"),
-                |letter| format!("robot {letter}"),
-            );
-            ops.push(Op::PutAgent(Box::new(Agent {
-                id: AgentId(u64::from(robot)),
-                name,
-                trajectory,
-            })));
+            let name = letter.map_or_else(|| format!("robot {robot}"), |letter| format!("robot {letter}"));
+            ops.push(Op::PutAgent(Box::new(Agent { id: AgentId(u64::from(robot)), name, trajectory })));
         }
-        graph
-            .apply(Op::Batch(ops))
-            .map_err(|error| root.refused(error))?;
+        graph.apply(Op::Batch(ops)).map_err(|error| root.refused(error))?;
         if self.skipped > 0 {
-            graph
-                .metadata
-                .insert("spark_skipped_nodes".into(), json!(self.skipped));
+            graph.metadata.insert("spark_skipped_nodes".into(), json!(self.skipped));
         }
         Ok(graph)
     }
@@ -423,12 +332,7 @@ impl Import<'_> {
                 continue;
             }
             let doorway = nalgebra::center(&from.position, &to.position);
-            let door = RoomEdge {
-                a: a.min(b),
-                b: a.max(b),
-                doorway,
-                width_m: 2.0 * edge.clearance_m,
-            };
+            let door = RoomEdge { a: a.min(b), b: a.max(b), doorway, width_m: 2.0 * edge.clearance_m };
             let widest = doors.entry((door.a, door.b)).or_insert(door);
             if door.width_m > widest.width_m {
                 *widest = door;
@@ -436,19 +340,12 @@ impl Import<'_> {
         }
         for &(a, b) in &self.room_pairs {
             let doorway = nalgebra::center(&self.rooms[&a].center, &self.rooms[&b].center);
-            doors.entry((a, b)).or_insert(RoomEdge {
-                a,
-                b,
-                doorway,
-                width_m: 0.0,
-            });
+            doors.entry((a, b)).or_insert(RoomEdge { a, b, doorway, width_m: 0.0 });
         }
         doors.into_values().collect()
     }
 }
 
 fn free(index: u64, is_taken: impl Fn(u64) -> bool) -> u64 {
-    (index..)
-        .find(|candidate| !is_taken(*candidate))
-        .expect("2^56 nodes do not fit into a file")
+    (index..).find(|candidate| !is_taken(*candidate)).expect("2^56 nodes do not fit into a file")
 }

@@ -11,8 +11,7 @@ use crate::place::Place;
 use crate::room::{Building, Room};
 
 pub(crate) fn position(at: &Cursor) -> Result<Point3<f64>, LoadError> {
-    at.find("position")
-        .map_or(Ok(Point3::origin()), |c| c.point())
+    at.find("position").map_or(Ok(Point3::origin()), |c| c.point())
 }
 
 pub(crate) fn place(id: PlaceId, at: &Cursor) -> Result<Place, LoadError> {
@@ -22,10 +21,7 @@ pub(crate) fn place(id: PlaceId, at: &Cursor) -> Result<Place, LoadError> {
         id,
         position: position(at)?,
         clearance_m: at.find("distance").map_or(Ok(0.0), |c| c.f64())?.max(0.0),
-        basis_points: at
-            .find("num_basis_points")
-            .map_or(Ok(0), |c| c.u32())?
-            .min(255) as u8,
+        basis_points: at.find("num_basis_points").map_or(Ok(0), |c| c.u32())?.min(255) as u8,
         frontier_cells: if is_frontier { cells.max(1) } else { 0 },
         room: None,
     })
@@ -35,16 +31,11 @@ pub(crate) fn room(id: RoomId, at: &Cursor) -> Result<Room, LoadError> {
     let mut room = Room::new(id, position(at)?);
     let sides = bounds(at, &room.center)?.sides_m();
     room.area_m2 = sides.x * sides.y;
-    room.metadata = at
-        .find("metadata")
-        .and_then(|c| c.value.as_object().cloned())
-        .unwrap_or_default();
+    room.metadata = at.find("metadata").and_then(|c| c.value.as_object().cloned()).unwrap_or_default();
     if let Some(probabilities) = at.find("semantic_class_probabilities") {
         let mut best: Option<(&str, f64)> = None;
         for (kind, probability) in probabilities.map()? {
-            let probability = probability
-                .as_f64()
-                .ok_or_else(|| probabilities.wrong("a map of numbers"))?;
+            let probability = probability.as_f64().ok_or_else(|| probabilities.wrong("a map of numbers"))?;
             if best.is_none_or(|(_, known)| probability > known) {
                 best = Some((kind, probability));
             }
@@ -66,36 +57,14 @@ pub(crate) fn room(id: RoomId, at: &Cursor) -> Result<Room, LoadError> {
 
 pub(crate) fn building(id: BuildingId, at: &Cursor) -> Result<Building, LoadError> {
     let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-    let name = if name.is_empty() || is_symbol(name) {
-        "building"
-    } else {
-        name
-    }
-    .to_owned();
-    Ok(Building {
-        id,
-        name,
-        center: position(at)?,
-        rooms: Vec::new(),
-        storeys: Vec::new(),
-    })
+    let name = if name.is_empty() || is_symbol(name) { "building" } else { name }.to_owned();
+    Ok(Building { id, name, center: position(at)?, rooms: Vec::new(), storeys: Vec::new() })
 }
 
 pub(crate) fn group(id: GroupId, at: &Cursor) -> Result<Group, LoadError> {
     let name = at.find("name").map_or(Ok(""), |c| c.str())?;
-    let name = if name.trim().is_empty() {
-        format!("group {}", id.0)
-    } else {
-        name.to_owned()
-    };
-    Ok(Group {
-        id,
-        name,
-        support: None,
-        members: Vec::new(),
-        room: None,
-        center: position(at)?,
-    })
+    let name = if name.trim().is_empty() { format!("group {}", id.0) } else { name.to_owned() };
+    Ok(Group { id, name, support: None, members: Vec::new(), room: None, center: position(at)? })
 }
 
 /// The axis-aligned box around theirs. 1.0.0 stores corners, later versions side lengths.
@@ -103,9 +72,7 @@ pub(crate) fn bounds(at: &Cursor, position: &Point3<f64>) -> Result<Aabb, LoadEr
     let Some(theirs) = at.find("bounding_box") else {
         return Ok(Aabb::at(*position));
     };
-    let is_invalid = theirs
-        .find("type")
-        .map_or(Ok(false), |c| c.str().map(|t| t == "INVALID"))?;
+    let is_invalid = theirs.find("type").map_or(Ok(false), |c| c.str().map(|t| t == "INVALID"))?;
     if is_invalid {
         return Ok(Aabb::at(*position));
     }
@@ -116,12 +83,8 @@ pub(crate) fn bounds(at: &Cursor, position: &Point3<f64>) -> Result<Aabb, LoadEr
     if sides.iter().any(|side| *side < 0.0) {
         return Err(theirs.wrong("a box"));
     }
-    let center = theirs
-        .find("world_P_center")
-        .map_or(Ok(*position), |c| c.point())?;
-    let is_aligned = theirs
-        .find("type")
-        .map_or(Ok(true), |c| c.str().map(|t| t == "AABB"))?;
+    let center = theirs.find("world_P_center").map_or(Ok(*position), |c| c.point())?;
+    let is_aligned = theirs.find("type").map_or(Ok(true), |c| c.str().map(|t| t == "AABB"))?;
     let rotation = match theirs.find("world_R_center") {
         Some(rotation) if !is_aligned => rotation.quaternion()?,
         _ => UnitQuaternion::identity(),
@@ -146,13 +109,8 @@ pub(crate) fn color(at: &Cursor) -> Result<[u8; 3], LoadError> {
 pub(crate) fn is_symbol(name: &str) -> bool {
     let mut chars = name.trim().chars();
     let letter = chars.next().is_some_and(|c| c.is_ascii_alphabetic());
-    let index = chars
-        .as_str()
-        .strip_prefix('(')
-        .and_then(|rest| rest.strip_suffix(')'));
-    letter
-        && index
-            .is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit()))
+    let index = chars.as_str().strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    letter && index.is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// "chair_0" is a chair.

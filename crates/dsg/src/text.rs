@@ -21,28 +21,14 @@ fn write_graph(graph: &SceneGraph, out: &mut String) -> std::fmt::Result {
     let objects: Vec<&Object> = graph.confirmed_objects().collect();
     for building in graph.buildings() {
         let storeys = building.storeys.len().max(1);
-        writeln!(
-            out,
-            "{}: {}, {}",
-            building.name,
-            count(graph.rooms.len(), "room"),
-            count(storeys, "storey")
-        )?;
+        writeln!(out, "{}: {}, {}", building.name, count(graph.rooms.len(), "room"), count(storeys, "storey"))?;
     }
     for room in graph.rooms() {
         write_room(graph, room, out)?;
-        let here: Vec<&Object> = objects
-            .iter()
-            .copied()
-            .filter(|object| object.room == Some(room.id))
-            .collect();
+        let here: Vec<&Object> = objects.iter().copied().filter(|object| object.room == Some(room.id)).collect();
         write_objects(graph, &here, out)?;
     }
-    let elsewhere: Vec<&Object> = objects
-        .iter()
-        .copied()
-        .filter(|object| object.room.is_none())
-        .collect();
+    let elsewhere: Vec<&Object> = objects.iter().copied().filter(|object| object.room.is_none()).collect();
     if !elsewhere.is_empty() {
         writeln!(out, "in no room:")?;
         write_objects(graph, &elsewhere, out)?;
@@ -56,11 +42,7 @@ fn write_graph(graph: &SceneGraph, out: &mut String) -> std::fmt::Result {
 
 fn write_room(graph: &SceneGraph, room: &Room, out: &mut String) -> std::fmt::Result {
     write!(out, "{} ({}", room.name, room.id)?;
-    if let Some(kind) = room
-        .kind
-        .as_ref()
-        .filter(|kind| !room.name.starts_with(*kind))
-    {
+    if let Some(kind) = room.kind.as_ref().filter(|kind| !room.name.starts_with(*kind)) {
         write!(out, ", {} {:.0} %", kind, 100.0 * room.kind_confidence)?;
     }
     if room.floor != 0 {
@@ -75,17 +57,8 @@ fn write_room(graph: &SceneGraph, room: &Room, out: &mut String) -> std::fmt::Re
         .into_iter()
         .filter_map(|door| {
             let other = graph.room(door.other(room.id)?)?;
-            let width = if door.width_m > 0.0 {
-                format!(" {:.1} m wide", door.width_m)
-            } else {
-                String::new()
-            };
-            Some(format!(
-                "{} ({}) at {}{width}",
-                other.name,
-                other.id,
-                position(&door.doorway)
-            ))
+            let width = if door.width_m > 0.0 { format!(" {:.1} m wide", door.width_m) } else { String::new() };
+            Some(format!("{} ({}) at {}{width}", other.name, other.id, position(&door.doorway)))
         })
         .collect();
     if !doors.is_empty() {
@@ -113,28 +86,13 @@ fn write_objects(graph: &SceneGraph, objects: &[&Object], out: &mut String) -> s
     Ok(())
 }
 
-fn write_object(
-    graph: &SceneGraph,
-    object: &Object,
-    indent: &str,
-    out: &mut String,
-) -> std::fmt::Result {
+fn write_object(graph: &SceneGraph, object: &Object, indent: &str, out: &mut String) -> std::fmt::Result {
     let sides = object.bounds.sides_m();
-    write!(
-        out,
-        "{indent}{} ({}) at {}",
-        object.label,
-        object.id,
-        position(&object.centroid)
-    )?;
+    write!(out, "{indent}{} ({}) at {}", object.label, object.id, position(&object.centroid))?;
     write!(out, ", {:.1} x {:.1} x {:.1} m", sides.x, sides.y, sides.z)?;
     for key in ["color", "material", "function"] {
         if let Some(word) = object.attributes.get(key) {
-            write!(
-                out,
-                ", {}{word}",
-                if key == "function" { "for " } else { "" }
-            )?;
+            write!(out, ", {}{word}", if key == "function" { "for " } else { "" })?;
         }
     }
     if object.is_dynamic() {
@@ -151,22 +109,12 @@ fn write_object(
 
 /// "on table (O3)", "near sink (O4)" for the relations whose subject it is, and near in both directions.
 fn relation_words(graph: &SceneGraph, id: ObjectId) -> Vec<String> {
-    let name = |id: ObjectId| {
-        graph
-            .object(id)
-            .map_or_else(String::new, |object| format!("{} ({id})", object.label))
-    };
+    let name = |id: ObjectId| graph.object(id).map_or_else(String::new, |object| format!("{} ({id})", object.label));
     graph
         .relations_of(id)
-        .filter(|relation| {
-            relation.subject == id || relation.kind == crate::relation::RelationKind::Near
-        })
+        .filter(|relation| relation.subject == id || relation.kind == crate::relation::RelationKind::Near)
         .map(|relation| {
-            let to = if relation.subject == id {
-                relation.object
-            } else {
-                relation.subject
-            };
+            let to = if relation.subject == id { relation.object } else { relation.subject };
             match relation.other {
                 Some(other) => format!("{} {} and {}", relation.kind, name(to), name(other)),
                 None => format!("{} {}", relation.kind, name(to)),
@@ -204,8 +152,7 @@ pub fn scene_objects_json(graph: &SceneGraph) -> String {
         .map(|object| describe(graph, object))
         .collect();
     let document = json!({ "revision": graph.revision(), "rooms": rooms, "elsewhere": elsewhere });
-    let mut text =
-        serde_json::to_string_pretty(&document).expect("a tree of plain values always prints");
+    let mut text = serde_json::to_string_pretty(&document).expect("a tree of plain values always prints");
     text.push('\n');
     text
 }

@@ -5,19 +5,15 @@ mod support;
 use std::collections::BTreeMap;
 
 use dsg::{
-    Aabb, Agent, AgentId, AgentPose, Building, BuildingId, Evidence, EvidenceSource, Group,
-    GroupId, Object, ObjectId, Op, Place, PlaceEdge, PlaceId, Relation, RelationKind, Room,
-    RoomEdge, RoomId, SceneGraph, Verdict,
+    Aabb, Agent, AgentId, AgentPose, Building, BuildingId, Evidence, EvidenceSource, Group, GroupId, Object, ObjectId,
+    Op, Place, PlaceEdge, PlaceId, Relation, RelationKind, Room, RoomEdge, RoomId, SceneGraph, Verdict,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use proptest::prelude::*;
 
 /// A failing case is printed and then becomes a named test; no file of seeds.
 fn cases(cases: u32) -> ProptestConfig {
-    ProptestConfig {
-        failure_persistence: None,
-        ..ProptestConfig::with_cases(cases)
-    }
+    ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(cases) }
 }
 
 /// One random op from small numbers: ids in 0..6, so that ops meet each other, and often refuse.
@@ -27,20 +23,14 @@ fn op(kind: u8, a: u64, b: u64, x: f64) -> Op {
     let (room, room_b) = (RoomId(a % 4), RoomId(b % 4));
     match kind % 21 {
         0..=2 => {
-            let mut put = Object::new(
-                object,
-                ["chair", "table", "mug"][(b % 3) as usize],
-                Aabb::at(Point3::new(x, 0.1, 0.2)),
-            );
+            let mut put =
+                Object::new(object, ["chair", "table", "mug"][(b % 3) as usize], Aabb::at(Point3::new(x, 0.1, 0.2)));
             put.room = (b.is_multiple_of(3)).then_some(room_b);
             put.place = (b.is_multiple_of(2)).then_some(place_b);
             Op::PutObject(Box::new(put))
         }
         3 => Op::RemoveObject(object),
-        4 => Op::MergeObjects {
-            from: object,
-            into: other,
-        },
+        4 => Op::MergeObjects { from: object, into: other },
         5 | 6 => Op::PutPlace(Place {
             id: place,
             position: Point3::new(x, b as f64, 1.0),
@@ -50,11 +40,7 @@ fn op(kind: u8, a: u64, b: u64, x: f64) -> Op {
             room: Some(room_b),
         }),
         7 => Op::RemovePlace(place),
-        8 => Op::PutPlaceEdge(PlaceEdge {
-            a: place,
-            b: place_b,
-            clearance_m: x.abs(),
-        }),
+        8 => Op::PutPlaceEdge(PlaceEdge { a: place, b: place_b, clearance_m: x.abs() }),
         9 => Op::RemovePlaceEdge(place, place_b),
         10 | 11 => {
             let mut put = Room::new(room, Point3::new(x, 0.0, 1.0));
@@ -62,12 +48,7 @@ fn op(kind: u8, a: u64, b: u64, x: f64) -> Op {
             Op::PutRoom(Box::new(put))
         }
         12 => Op::RemoveRoom(room),
-        13 => Op::PutRoomEdge(RoomEdge {
-            a: room,
-            b: room_b,
-            doorway: Point3::new(x, 0.0, 1.0),
-            width_m: 0.9,
-        }),
+        13 => Op::PutRoomEdge(RoomEdge { a: room, b: room_b, doorway: Point3::new(x, 0.0, 1.0), width_m: 0.9 }),
         14 => Op::NameRoom(room, ["den", "study", ""][(b % 3) as usize].to_owned()),
         15 | 16 => Op::PutGroup(Box::new(Group {
             id: GroupId(a % 3),
@@ -97,24 +78,14 @@ fn op(kind: u8, a: u64, b: u64, x: f64) -> Op {
             storeys: Vec::new(),
         })),
         19 => match b % 3 {
-            0 => Op::PutAgent(Box::new(Agent {
-                id: AgentId(0),
-                name: "dog".to_owned(),
-                trajectory: Vec::new(),
-            })),
+            0 => Op::PutAgent(Box::new(Agent { id: AgentId(0), name: "dog".to_owned(), trajectory: Vec::new() })),
             _ => Op::AddAgentPose(
                 AgentId(0),
-                AgentPose {
-                    stamp_ns: a as i64,
-                    world_from_body: Isometry3::new(Vector3::x() * x, Vector3::z() * x),
-                },
+                AgentPose { stamp_ns: a as i64, world_from_body: Isometry3::new(Vector3::x() * x, Vector3::z() * x) },
             ),
         },
         _ => match b % 4 {
-            0 => Op::Transform(Isometry3::new(
-                Vector3::new(x, 0.0, 0.1),
-                Vector3::z() * 0.3,
-            )),
+            0 => Op::Transform(Isometry3::new(Vector3::new(x, 0.0, 0.1), Vector3::z() * 0.3)),
             1 => Op::RemoveGroup(GroupId(a % 3)),
             2 => Op::Batch(vec![Op::RemoveObject(object), Op::RemovePlace(place_b)]),
             _ => Op::RemoveRoomEdge(room, room_b),
@@ -123,13 +94,8 @@ fn op(kind: u8, a: u64, b: u64, x: f64) -> Op {
 }
 
 fn ops() -> impl Strategy<Value = Vec<Op>> {
-    prop::collection::vec((any::<u8>(), 0..12_u64, 0..12_u64, -3.0..3.0_f64), 0..60).prop_map(
-        |list| {
-            list.into_iter()
-                .map(|(kind, a, b, x)| op(kind, a, b, x))
-                .collect()
-        },
-    )
+    prop::collection::vec((any::<u8>(), 0..12_u64, 0..12_u64, -3.0..3.0_f64), 0..60)
+        .prop_map(|list| list.into_iter().map(|(kind, a, b, x)| op(kind, a, b, x)).collect())
 }
 
 /// A graph made by random ops; those that are refused are skipped.
@@ -359,21 +325,9 @@ mod rooms {
                 basis_points: 3,
                 frontier_cells: 0,
             });
-            update_places(
-                &mut graph,
-                &PlaceUpdate {
-                    put: put.collect(),
-                    ..PlaceUpdate::default()
-                },
-            )
-            .unwrap();
+            update_places(&mut graph, &PlaceUpdate { put: put.collect(), ..PlaceUpdate::default() }).unwrap();
             let center = Point3::new(next as f64 + *length as f64 / 2.0, 0.0, 1.0);
-            parts.push(RoomPart {
-                places,
-                center,
-                area_m2: *length as f64,
-                floor: 0,
-            });
+            parts.push(RoomPart { places, center, area_m2: *length as f64, floor: 0 });
             next += *length as u64;
         }
         (graph, parts)
@@ -433,12 +387,8 @@ mod rooms {
     fn a_users_name_survives_splitting_and_merging() {
         let (mut graph, parts) = row(&[6, 4]);
         let config = RoomConfig::default();
-        let ids = update_rooms(&mut graph, &parts, &[], &nowhere, &config)
-            .unwrap()
-            .room_of;
-        graph
-            .apply(Op::NameRoom(ids[0], "Ada's room".to_owned()))
-            .unwrap();
+        let ids = update_rooms(&mut graph, &parts, &[], &nowhere, &config).unwrap().room_of;
+        graph.apply(Op::NameRoom(ids[0], "Ada's room".to_owned())).unwrap();
         // Split off two places, then join everything.
         let part = |places: std::ops::Range<u64>| RoomPart {
             places: places.map(PlaceId).collect(),
@@ -446,14 +396,7 @@ mod rooms {
             area_m2: 1.0,
             floor: 0,
         };
-        let split = update_rooms(
-            &mut graph,
-            &[part(4..6), part(0..4), part(6..10)],
-            &[],
-            &nowhere,
-            &config,
-        )
-        .unwrap();
+        let split = update_rooms(&mut graph, &[part(4..6), part(0..4), part(6..10)], &[], &nowhere, &config).unwrap();
         assert_eq!(split.room_of[1..], ids[..]);
         assert_eq!(graph.room(ids[0]).unwrap().name, "Ada's room");
         let joined = update_rooms(&mut graph, &[part(0..10)], &[], &nowhere, &config).unwrap();
@@ -465,29 +408,15 @@ mod rooms {
     fn contents_name_rooms_and_a_second_bedroom_is_numbered() {
         let (mut graph, parts) = row(&[4, 4, 4]);
         let in_part = |p: &Point3<f64>| Some((p.x / 4.0).floor().clamp(0.0, 2.0) as usize);
-        for (id, label, x) in [
-            (1, "stove", 1.0),
-            (2, "fridge", 2.0),
-            (3, "bed", 5.0),
-            (4, "bed", 9.0),
-        ] {
+        for (id, label, x) in [(1, "stove", 1.0), (2, "fridge", 2.0), (3, "bed", 5.0), (4, "bed", 9.0)] {
             let object = Object::new(ObjectId(id), label, Aabb::at(Point3::new(x, 0.0, 0.5)));
             graph.apply(Op::PutObject(Box::new(object))).unwrap();
         }
-        let doors = [
-            (0, 1, Point3::new(4.0, 0.0, 1.0), 0.9),
-            (1, 0, Point3::new(4.0, 1.0, 1.0), 0.7),
-        ];
+        let doors = [(0, 1, Point3::new(4.0, 0.0, 1.0), 0.9), (1, 0, Point3::new(4.0, 1.0, 1.0), 0.7)];
         update_rooms(&mut graph, &parts, &doors, &in_part, &RoomConfig::default()).unwrap();
         let names: Vec<&str> = graph.rooms().map(|room| room.name.as_str()).collect();
         assert_eq!(names, ["kitchen", "bedroom", "bedroom 2"]);
-        assert_eq!(
-            graph
-                .room_edges()
-                .map(|edge| edge.width_m)
-                .collect::<Vec<_>>(),
-            [0.9]
-        );
+        assert_eq!(graph.room_edges().map(|edge| edge.width_m).collect::<Vec<_>>(), [0.9]);
         assert_eq!(graph.object(ObjectId(3)).unwrap().room, Some(RoomId(2)));
         assert_eq!(graph.buildings().next().unwrap().rooms.len(), 3);
         // Without its bed the second room is doubtful, but the third does not take its name back and forth.
@@ -503,26 +432,15 @@ mod relations {
     use dsg::{GroupConfig, RelationConfig, update_groups, update_relations};
 
     fn scene() -> impl Strategy<Value = SceneGraph> {
-        let boxes = (
-            [0.0..6.0_f64, 0.0..6.0_f64, 0.0..1.5_f64],
-            [0.05..1.5_f64, 0.05..1.5_f64, 0.05..1.5_f64],
-            0..6_usize,
-        );
+        let boxes =
+            ([0.0..6.0_f64, 0.0..6.0_f64, 0.0..1.5_f64], [0.05..1.5_f64, 0.05..1.5_f64, 0.05..1.5_f64], 0..6_usize);
         prop::collection::vec(boxes, 0..25).prop_map(|boxes| {
             let mut graph = SceneGraph::new();
-            graph
-                .apply(Op::PutRoom(Box::new(Room::new(
-                    RoomId(1),
-                    Point3::origin(),
-                ))))
-                .unwrap();
+            graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
             for (at, (center, sides, label)) in boxes.into_iter().enumerate() {
                 let label = ["chair", "table", "mug", "shelf", "lamp", "book"][label];
                 let bounds = Aabb::from_center(Point3::from(center), Vector3::from(sides));
-                let object = Object {
-                    room: Some(RoomId(1)),
-                    ..Object::new(ObjectId(at as u64 + 1), label, bounds)
-                };
+                let object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(at as u64 + 1), label, bounds) };
                 graph.apply(Op::PutObject(Box::new(object))).unwrap();
             }
             graph
@@ -530,11 +448,7 @@ mod relations {
     }
 
     fn all(graph: &SceneGraph) -> Vec<Relation> {
-        graph
-            .relations()
-            .chain(graph.dropped_relations())
-            .copied()
-            .collect()
+        graph.relations().chain(graph.dropped_relations()).copied().collect()
     }
 
     proptest! {

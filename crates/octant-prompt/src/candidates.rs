@@ -10,6 +10,7 @@ use crate::grounding::{GroundingConfig, Match, Scene, ground, room_score};
 use crate::instruction::{RoomReference, SpatialRelation, StepKind, Superlative};
 use crate::search::{self, SearchPlace};
 use crate::situation::Situation;
+use crate::symbolic::is_doubtful;
 
 /// Known answers to the present step.
 #[derive(Debug, Clone)]
@@ -170,7 +171,7 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
     let is_clear = |candidate: &ObjectCandidate| {
         let found = &candidate.found;
         let weakest = found.class.min(found.weakest_relation).min(found.room);
-        !searching || weakest >= config.accept_while_searching
+        !searching || (weakest >= config.accept_while_searching && !is_doubtful(situation, found.id, &goal.class))
     };
     let pool: Vec<&ObjectCandidate> = known
         .objects

@@ -32,9 +32,13 @@ pub struct GroundingConfig {
 
 impl Default for GroundingConfig {
     fn default() -> Self {
-        GroundingConfig { accept: 0.6, accept_relation: 0.5, accept_attributes: 0.4,
+        GroundingConfig {
+            accept: 0.6,
+            accept_relation: 0.5,
+            accept_attributes: 0.4,
             accept_while_searching: 0.72,
-            accept_at_last: 0.12 }
+            accept_at_last: 0.12,
+        }
     }
 }
 

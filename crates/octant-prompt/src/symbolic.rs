@@ -81,12 +81,27 @@ fn approach(situation: &Situation, choice: &Choice) -> Action {
     }
 }
 
-/// A thing seen once or with a doubtful label is looked at from nearby before the robot says "here it is".
+/// A thing seen once or with a doubtful label is looked at from nearby before the robot says "here it is". Seen from nearby, its
+/// winning label must be what was asked for, unless nothing else is left to try.
 pub(crate) fn is_seen_well(situation: &Situation, id: dsg::ObjectId) -> bool {
     /// Vote margin below which a label may still turn.
     const CLEAR_MARGIN: f64 = 0.25;
+    let Some(object) = situation.graph.object(id) else { return false };
+    situation.inspected.contains(&id) || (object.confirmed && object.label_margin >= CLEAR_MARGIN)
+}
+
+/// A thing that was looked at from nearby and whose votes still speak for something else, or for nothing clearly.
+pub(crate) fn is_doubtful(situation: &Situation, id: dsg::ObjectId, asked: &crate::vocabulary::Class) -> bool {
+    /// Vote margin below which a close look has not settled the label.
+    const SETTLED_MARGIN: f64 = 0.15;
+    /// Class similarity of synonyms, kinds and general words; look-alikes are below.
+    const SAME_KIND: f64 = 0.6;
     situation.inspected.contains(&id)
-        || situation.graph.object(id).is_some_and(|object| object.confirmed && object.label_margin >= CLEAR_MARGIN)
+        && situation.graph.object(id).is_some_and(|object| {
+            let label = crate::vocabulary::Class::new(&object.label);
+            object.label_margin < SETTLED_MARGIN
+                || (!asked.text.is_empty() && crate::vocabulary::class_similarity(asked, &label) < SAME_KIND)
+        })
 }
 
 fn reason_to_give_up(step: &Step, known: &Candidates) -> String {

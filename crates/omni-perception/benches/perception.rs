@@ -22,71 +22,25 @@ fn moment() -> &'static Moment {
 
 #[divan::bench]
 fn deskew_32k_points(bencher: Bencher) {
-    let (scan, _) = scan(
-        &Scene::living_room(),
-        0.0,
-        TURNING_RADPS,
-        0.015,
-        &mut Noise(1),
-    );
-    let (trajectory, encoder) = (
-        trajectory(-0.1, 0.2, 200.0),
-        encoder(-0.1, 0.2, TURNING_RADPS),
-    );
-    bencher.bench(|| {
-        deskew(
-            &scan,
-            &encoder,
-            &mount(),
-            &trajectory,
-            ReferenceTime::End,
-            &DeskewConfig::default(),
-        )
-    });
+    let (scan, _) = scan(&Scene::living_room(), 0.0, TURNING_RADPS, 0.015, &mut Noise(1));
+    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2, TURNING_RADPS));
+    bencher.bench(|| deskew(&scan, &encoder, &mount(), &trajectory, ReferenceTime::End, &DeskewConfig::default()));
 }
 
 #[divan::bench]
 fn deskew_32k_points_exactly(bencher: Bencher) {
-    let (scan, _) = scan(
-        &Scene::living_room(),
-        0.0,
-        TURNING_RADPS,
-        0.015,
-        &mut Noise(1),
-    );
-    let (trajectory, encoder) = (
-        trajectory(-0.1, 0.2, 200.0),
-        encoder(-0.1, 0.2, TURNING_RADPS),
-    );
-    bencher.bench(|| {
-        deskew_exactly(
-            &scan,
-            &encoder,
-            &mount(),
-            &trajectory,
-            ReferenceTime::End,
-            &DeskewConfig::default(),
-        )
-    });
+    let (scan, _) = scan(&Scene::living_room(), 0.0, TURNING_RADPS, 0.015, &mut Noise(1));
+    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2, TURNING_RADPS));
+    bencher
+        .bench(|| deskew_exactly(&scan, &encoder, &mount(), &trajectory, ReferenceTime::End, &DeskewConfig::default()));
 }
 
 #[divan::bench]
 fn label_327k_points(bencher: Bencher) {
     let moment = moment();
     let camera_from_world = moment.world_from_camera.inverse().cast::<f32>();
-    let points: Vec<Point3<f32>> = moment
-        .points_in_world
-        .iter()
-        .map(|p| camera_from_world * p)
-        .collect();
-    bencher.bench(|| {
-        transfer_labels(
-            &points,
-            &moment.camera,
-            &moment.masks,
-            &LabelConfig::default(),
-        )
-    });
+    let points: Vec<Point3<f32>> = moment.points_in_world.iter().map(|p| camera_from_world * p).collect();
+    bencher.bench(|| transfer_labels(&points, &moment.camera, &moment.masks, &LabelConfig::default()));
 }
 
 #[divan::bench]
@@ -95,13 +49,7 @@ fn observe_327k_points(bencher: Bencher) {
     let panorama = moment.panorama();
     bencher.bench(|| {
         let config = ObservationConfig::default();
-        observe_panorama(
-            &panorama,
-            &moment.points_in_world,
-            &moment.world_from_camera,
-            &moment.camera,
-            &config,
-        )
+        observe_panorama(&panorama, &moment.points_in_world, &moment.world_from_camera, &moment.camera, &config)
     });
 }
 

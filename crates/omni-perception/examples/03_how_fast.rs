@@ -12,34 +12,14 @@ use support::{Moment, Noise, Scene, TURNING_RADPS, encoder, mount, scan, traject
 
 fn main() {
     // 1. One scan of 32 x 1024 points, deskewed on 200 Hz knots with the motor's angle at each point's time.
-    let (raw, _) = scan(
-        &Scene::living_room(),
-        0.0,
-        TURNING_RADPS,
-        0.015,
-        &mut Noise(1),
-    );
-    let (trajectory, encoder) = (
-        trajectory(-0.1, 0.2, 200.0),
-        encoder(-0.1, 0.2, TURNING_RADPS),
-    );
+    let (raw, _) = scan(&Scene::living_room(), 0.0, TURNING_RADPS, 0.015, &mut Noise(1));
+    let (trajectory, encoder) = (trajectory(-0.1, 0.2, 200.0), encoder(-0.1, 0.2, TURNING_RADPS));
     let deskewing = best(|| {
         let config = DeskewConfig::default();
-        let scan = deskew(
-            &raw,
-            &encoder,
-            &mount(),
-            &trajectory,
-            ReferenceTime::End,
-            &config,
-        );
+        let scan = deskew(&raw, &encoder, &mount(), &trajectory, ReferenceTime::End, &config);
         assert!(scan.is_ok());
     });
-    println!(
-        "deskew of {} points: {:.2} ms",
-        raw.points.len(),
-        deskewing.as_secs_f64() * 1e3
-    );
+    println!("deskew of {} points: {:.2} ms", raw.points.len(), deskewing.as_secs_f64() * 1e3);
 
     // 2. Ten scans around one panorama with nine masks.
     let moment = Moment::new(1, 0.015, 2);
@@ -58,10 +38,7 @@ fn main() {
         panorama.masks.len(),
         observing.as_secs_f64() * 1e3
     );
-    println!(
-        "  of that projection and range buffer: {:.1} ms",
-        projecting.as_secs_f64() * 1e3
-    );
+    println!("  of that projection and range buffer: {:.1} ms", projecting.as_secs_f64() * 1e3);
     assert_eq!(observe(&panorama).objects.len(), panorama.masks.len());
 }
 
@@ -84,11 +61,7 @@ fn best(mut work: impl FnMut()) -> Duration {
 fn cpu_time() -> Duration {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    match stat
-        .split_whitespace()
-        .next()
-        .and_then(|ns| ns.parse().ok())
-    {
+    match stat.split_whitespace().next().and_then(|ns| ns.parse().ok()) {
         Some(ns) => Duration::from_nanos(ns),
         None => START.get_or_init(Instant::now).elapsed(),
     }

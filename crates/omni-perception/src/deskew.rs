@@ -37,10 +37,7 @@ pub struct DeskewConfig {
 
 impl Default for DeskewConfig {
     fn default() -> Self {
-        DeskewConfig {
-            min_range_m: 0.3,
-            max_range_m: 100.0,
-        }
+        DeskewConfig { min_range_m: 0.3, max_range_m: 100.0 }
     }
 }
 
@@ -53,10 +50,7 @@ impl DeskewConfig {
         if self.min_range_m >= 0.0 && self.min_range_m < self.max_range_m {
             return Ok(());
         }
-        Err(DeskewError::Config {
-            min_range_m: self.min_range_m,
-            max_range_m: self.max_range_m,
-        })
+        Err(DeskewError::Config { min_range_m: self.min_range_m, max_range_m: self.max_range_m })
     }
 }
 
@@ -114,17 +108,9 @@ pub struct DeskewedScan {
 impl DeskewedScan {
     /// The points in the world.
     pub fn points_in_world(&self) -> Vec<Point3<f32>> {
-        let matrix = self
-            .world_from_body
-            .rotation
-            .to_rotation_matrix()
-            .into_inner()
-            .cast::<f32>();
+        let matrix = self.world_from_body.rotation.to_rotation_matrix().into_inner().cast::<f32>();
         let offset = self.world_from_body.translation.vector.cast::<f32>();
-        self.points_in_body
-            .iter()
-            .map(|p| Point3::from(matrix * p.coords + offset))
-            .collect()
+        self.points_in_body.iter().map(|p| Point3::from(matrix * p.coords + offset)).collect()
     }
 
     /// The sensor's origin in the world.
@@ -150,12 +136,9 @@ pub fn deskew(
     config: &DeskewConfig,
 ) -> Result<DeskewedScan, DeskewError> {
     let frame = ReferenceFrame::new(scan, encoder, mount, trajectory, reference, config)?;
-    let table = MotionTable::new(scan.end().seconds_since(scan.start), |offset_ns| {
-        frame.reference_from_sensor(offset_ns)
-    });
-    Ok(collect(scan, config, &frame, |point| {
-        table.apply(point.offset_ns, &point.position)
-    }))
+    let table =
+        MotionTable::new(scan.end().seconds_since(scan.start), |offset_ns| frame.reference_from_sensor(offset_ns));
+    Ok(collect(scan, config, &frame, |point| table.apply(point.offset_ns, &point.position)))
 }
 
 /// The plain form: the full chain of transforms for every point. The fast form is tested against it.
@@ -205,19 +188,9 @@ impl<'a> ReferenceFrame<'a> {
             ReferenceTime::End => end,
             ReferenceTime::At(stamp) => stamp,
         };
-        let world_from_body = trajectory
-            .world_from_body(stamp)
-            .ok_or(DeskewError::NoReferencePose { stamp })?;
+        let world_from_body = trajectory.world_from_body(stamp).ok_or(DeskewError::NoReferencePose { stamp })?;
         let body_from_world = world_from_body.inverse();
-        Ok(ReferenceFrame {
-            start,
-            encoder,
-            mount,
-            trajectory,
-            stamp,
-            world_from_body,
-            body_from_world,
-        })
+        Ok(ReferenceFrame { start, encoder, mount, trajectory, stamp, world_from_body, body_from_world })
     }
 
     fn reference_from_sensor(&self, offset_ns: u32) -> Option<Isometry3<f64>> {
@@ -271,18 +244,11 @@ mod tests {
     use std::f64::consts::PI;
 
     fn point(x: f32, y: f32, offset_ns: u32) -> RawPoint {
-        RawPoint {
-            position: Point3::new(x, y, 0.0),
-            offset_ns,
-            ring: 7,
-        }
+        RawPoint { position: Point3::new(x, y, 0.0), offset_ns, ring: 7 }
     }
 
     fn mount() -> RotatingMount {
-        RotatingMount {
-            body_from_stator: Isometry3::identity(),
-            rotor_from_sensor: Isometry3::identity(),
-        }
+        RotatingMount { body_from_stator: Isometry3::identity(), rotor_from_sensor: Isometry3::identity() }
     }
 
     /// Driving at 2 m/s towards a wall 5 m ahead at the start of the scan.
@@ -296,36 +262,13 @@ mod tests {
 
     #[test]
     fn eq_1_a_wall_stays_a_wall() {
-        let points = vec![
-            point(5.0, 0.0, 0),
-            point(4.9, 0.0, 50_000_000),
-            point(4.8, 0.0, 100_000_000),
-        ];
-        let scan = RawScan {
-            start: Stamp(0),
-            points,
-        };
-        for (reference, x) in [
-            (ReferenceTime::Start, 5.0),
-            (ReferenceTime::Mid, 4.9),
-            (ReferenceTime::End, 4.8),
-        ] {
-            let result = deskew(
-                &scan,
-                &EncoderTrack::fixed(),
-                &mount(),
-                &drive(),
-                reference,
-                &DeskewConfig::default(),
-            );
+        let points = vec![point(5.0, 0.0, 0), point(4.9, 0.0, 50_000_000), point(4.8, 0.0, 100_000_000)];
+        let scan = RawScan { start: Stamp(0), points };
+        for (reference, x) in [(ReferenceTime::Start, 5.0), (ReferenceTime::Mid, 4.9), (ReferenceTime::End, 4.8)] {
+            let result = deskew(&scan, &EncoderTrack::fixed(), &mount(), &drive(), reference, &DeskewConfig::default());
             let result = result.expect("pose is known");
             assert!(result.points_in_body.iter().all(|p| (p.x - x).abs() < 1e-5));
-            assert!(
-                result
-                    .points_in_world()
-                    .iter()
-                    .all(|p| (p.x - 5.0).abs() < 1e-5)
-            );
+            assert!(result.points_in_world().iter().all(|p| (p.x - 5.0).abs() < 1e-5));
             assert_eq!(result.rings, [7; 3]);
         }
     }
@@ -334,25 +277,12 @@ mod tests {
     fn the_motor_turns_while_the_body_stands() {
         // Half a turn in the scan: the same wall point is seen at two rotor angles.
         let track = [(0, 0.0), (60_000_000, 0.6 * PI), (100_000_000, PI)];
-        let track = track.map(|(ns, angle_rad)| EncoderSample {
-            stamp: Stamp(ns),
-            angle_rad,
-        });
+        let track = track.map(|(ns, angle_rad)| EncoderSample { stamp: Stamp(ns), angle_rad });
         let track = EncoderTrack::from_samples(&track).expect("valid");
         let still = OdometryEstimate::at_rest(Stamp(0), Isometry3::identity());
         let still = Trajectory::from_constant_twist(&still, 0.1).expect("valid");
-        let scan = RawScan {
-            start: Stamp(0),
-            points: vec![point(3.0, 0.0, 0), point(0.0, -3.0, 50_000_000)],
-        };
-        let result = deskew(
-            &scan,
-            &track,
-            &mount(),
-            &still,
-            ReferenceTime::Start,
-            &DeskewConfig::default(),
-        );
+        let scan = RawScan { start: Stamp(0), points: vec![point(3.0, 0.0, 0), point(0.0, -3.0, 50_000_000)] };
+        let result = deskew(&scan, &track, &mount(), &still, ReferenceTime::Start, &DeskewConfig::default());
         for p in &result.expect("pose is known").points_in_body {
             assert!((p - Point3::new(3.0, 0.0, 0.0)).norm() < 1e-5, "{p}");
         }
@@ -367,40 +297,16 @@ mod tests {
             point(5.0, 0.0, 100_000_001),
             point(5.0, 0.0, 99_999_999),
         ];
-        let scan = RawScan {
-            start: Stamp(0),
-            points,
-        };
+        let scan = RawScan { start: Stamp(0), points };
         let run = |reference, config: DeskewConfig| {
-            deskew(
-                &scan,
-                &EncoderTrack::fixed(),
-                &mount(),
-                &drive(),
-                reference,
-                &config,
-            )
+            deskew(&scan, &EncoderTrack::fixed(), &mount(), &drive(), reference, &config)
         };
         let result = run(ReferenceTime::Start, DeskewConfig::default()).expect("pose is known");
-        assert_eq!(
-            result.dropped,
-            Dropped {
-                non_finite: 1,
-                outside_time: 1,
-                too_near: 1,
-                too_far: 1
-            }
-        );
+        assert_eq!(result.dropped, Dropped { non_finite: 1, outside_time: 1, too_near: 1, too_far: 1 });
         assert_eq!(result.points_in_body.len(), 1);
         let late = run(ReferenceTime::End, DeskewConfig::default());
         assert!(matches!(late, Err(DeskewError::NoReferencePose { .. })));
-        let bad = DeskewConfig {
-            min_range_m: f32::NAN,
-            ..DeskewConfig::default()
-        };
-        assert!(matches!(
-            run(ReferenceTime::Start, bad),
-            Err(DeskewError::Config { .. })
-        ));
+        let bad = DeskewConfig { min_range_m: f32::NAN, ..DeskewConfig::default() };
+        assert!(matches!(run(ReferenceTime::Start, bad), Err(DeskewError::Config { .. })));
     }
 }

@@ -51,20 +51,12 @@ impl EncoderTrack {
     /// An empty track of a turning mount. A reading stamped t shows the angle at t - `latency_s`.
     pub fn rotating(latency_s: f64) -> EncoderTrack {
         let latency_ns = (latency_s * 1e9).round() as i64;
-        EncoderTrack {
-            samples: Vec::new(),
-            fixed_angle_rad: None,
-            latency_ns,
-        }
+        EncoderTrack { samples: Vec::new(), fixed_angle_rad: None, latency_ns }
     }
 
     /// A mount that stands at angle zero for ever.
     pub fn fixed() -> EncoderTrack {
-        EncoderTrack {
-            samples: Vec::new(),
-            fixed_angle_rad: Some(0.0),
-            latency_ns: 0,
-        }
+        EncoderTrack { samples: Vec::new(), fixed_angle_rad: Some(0.0), latency_ns: 0 }
     }
 
     /// A track without latency from samples in the order of time.
@@ -84,16 +76,11 @@ impl EncoderTrack {
     pub fn push(&mut self, sample: EncoderSample) -> Result<(), EncoderError> {
         let stamp = sample.stamp.plus_ns(-self.latency_ns);
         if !sample.angle_rad.is_finite() {
-            return Err(EncoderError::NotFinite {
-                stamp: sample.stamp,
-            });
+            return Err(EncoderError::NotFinite { stamp: sample.stamp });
         }
         let angle_rad = match self.samples.last() {
             Some(last) if stamp <= last.stamp => {
-                return Err(EncoderError::NotLater {
-                    stamp,
-                    last: last.stamp,
-                });
+                return Err(EncoderError::NotLater { stamp, last: last.stamp });
             }
             Some(last) => {
                 let step = (sample.angle_rad - last.angle_rad + PI).rem_euclid(TAU) - PI;
@@ -120,8 +107,7 @@ impl EncoderTrack {
         let before = self.samples.get(after.checked_sub(1)?)?;
         match self.samples.get(after) {
             Some(next) => {
-                let share =
-                    stamp.seconds_since(before.stamp) / next.stamp.seconds_since(before.stamp);
+                let share = stamp.seconds_since(before.stamp) / next.stamp.seconds_since(before.stamp);
                 Some(before.angle_rad + share * (next.angle_rad - before.angle_rad))
             }
             None => (stamp == before.stamp).then_some(before.angle_rad),
@@ -134,10 +120,7 @@ mod tests {
     use super::*;
 
     fn sample(ms: i64, angle_rad: f64) -> EncoderSample {
-        EncoderSample {
-            stamp: Stamp(ms * 1_000_000),
-            angle_rad,
-        }
+        EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad }
     }
 
     #[test]
@@ -153,14 +136,8 @@ mod tests {
     #[test]
     fn bad_samples_change_nothing() {
         let mut track = EncoderTrack::from_samples(&[sample(0, 0.0)]).expect("valid");
-        assert!(matches!(
-            track.push(sample(0, 1.0)),
-            Err(EncoderError::NotLater { .. })
-        ));
-        assert!(matches!(
-            track.push(sample(1, f64::NAN)),
-            Err(EncoderError::NotFinite { .. })
-        ));
+        assert!(matches!(track.push(sample(0, 1.0)), Err(EncoderError::NotLater { .. })));
+        assert!(matches!(track.push(sample(1, f64::NAN)), Err(EncoderError::NotFinite { .. })));
         track.push(sample(2, 1.0)).expect("valid");
         assert_eq!(track.angle_rad(Stamp(1_000_000)), Some(0.5));
     }

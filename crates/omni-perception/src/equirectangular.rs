@@ -61,12 +61,7 @@ pub enum CameraError {
 impl Default for Equirectangular {
     /// 1920 x 640 with square pixels: 60 degrees up and down.
     fn default() -> Self {
-        Equirectangular {
-            width_px: 1920,
-            height_px: 640,
-            phi_top_rad: FRAC_PI_3,
-            phi_bottom_rad: -FRAC_PI_3,
-        }
+        Equirectangular { width_px: 1920, height_px: 640, phi_top_rad: FRAC_PI_3, phi_bottom_rad: -FRAC_PI_3 }
     }
 }
 
@@ -78,18 +73,12 @@ impl Equirectangular {
     pub fn validate(&self) -> Result<(), CameraError> {
         let (width_px, height_px) = (self.width_px, self.height_px);
         if !(1..=32768).contains(&width_px) || !(1..=32768).contains(&height_px) {
-            return Err(CameraError::Size {
-                width_px,
-                height_px,
-            });
+            return Err(CameraError::Size { width_px, height_px });
         }
         let (phi_bottom_rad, phi_top_rad) = (self.phi_bottom_rad, self.phi_top_rad);
         let half = 0.5 * PI + 1e-12; // a right angle computed in another way
         if !(-half <= phi_bottom_rad && phi_bottom_rad < phi_top_rad && phi_top_rad <= half) {
-            return Err(CameraError::Elevations {
-                phi_bottom_rad,
-                phi_top_rad,
-            });
+            return Err(CameraError::Elevations { phi_bottom_rad, phi_top_rad });
         }
         Ok(())
     }
@@ -104,21 +93,14 @@ impl Equirectangular {
             return None;
         }
         // OmniVLN Eq. 2
-        let theta = if x == 0.0 && y == 0.0 {
-            0.0
-        } else {
-            y.atan2(x)
-        };
+        let theta = if x == 0.0 && y == 0.0 { 0.0 } else { y.atan2(x) };
         let phi = z.atan2(x.hypot(y));
         // OmniVLN Eq. 3
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let u = 0.5 * width * (1.0 - theta / PI);
         let v = height * (self.phi_top_rad - phi) / (self.phi_top_rad - self.phi_bottom_rad);
         let is_inside = (0.0..height).contains(&v);
-        is_inside.then_some(Pixel {
-            u: if u >= width { u - width } else { u },
-            v,
-        })
+        is_inside.then_some(Pixel { u: if u >= width { u - width } else { u }, v })
     }
 
     /// The direction that a pixel sees. Any u (wraps) and v.
@@ -144,11 +126,7 @@ impl Equirectangular {
 /// OmniVLN Eq. 2 and 3 exactly as printed: mirrored, 180 degrees high. For data made that way.
 ///
 /// u in [0, W], v in [0, H]; `None` for the origin or NaN.
-pub fn pixel_as_printed(
-    point_in_camera: &Point3<f64>,
-    width_px: u32,
-    height_px: u32,
-) -> Option<Pixel> {
+pub fn pixel_as_printed(point_in_camera: &Point3<f64>, width_px: u32, height_px: u32) -> Option<Pixel> {
     let norm = point_in_camera.coords.norm();
     if !(norm > 0.0 && norm.is_finite()) {
         return None;
@@ -168,10 +146,7 @@ mod tests {
         let pixel = Equirectangular::default().project(&Point3::from(point));
         match (pixel, expected) {
             (Some(pixel), Some((u, v))) => {
-                assert!(
-                    (pixel.u - u).abs() < 1e-9 && (pixel.v - v).abs() < 1e-9,
-                    "{pixel:?}"
-                );
+                assert!((pixel.u - u).abs() < 1e-9 && (pixel.v - v).abs() < 1e-9, "{pixel:?}");
             }
             (pixel, expected) => {
                 assert_eq!(pixel.is_some(), expected.is_some(), "{point:?} {pixel:?}")
@@ -194,16 +169,10 @@ mod tests {
 
     #[test]
     fn the_printed_form_is_the_mirror_image() {
-        let whole = Equirectangular {
-            phi_top_rad: 0.5 * PI,
-            phi_bottom_rad: -0.5 * PI,
-            ..Default::default()
-        };
+        let whole = Equirectangular { phi_top_rad: 0.5 * PI, phi_bottom_rad: -0.5 * PI, ..Default::default() };
         let point = Point3::new(1.0, 2.0, 0.5);
-        let (ours, printed) = (
-            whole.project(&point).expect("inside"),
-            pixel_as_printed(&point, 1920, 640).expect("inside"),
-        );
+        let (ours, printed) =
+            (whole.project(&point).expect("inside"), pixel_as_printed(&point, 1920, 640).expect("inside"));
         assert!((ours.u + printed.u - 1920.0).abs() < 1e-9);
         assert!((ours.v - printed.v).abs() < 1e-9);
         let up = whole.project(&Point3::new(0.0, 0.0, 1.0)).expect("inside");
@@ -213,18 +182,9 @@ mod tests {
     #[test]
     fn unsound_cameras_are_refused() {
         assert_eq!(Equirectangular::default().validate(), Ok(()));
-        let zero = Equirectangular {
-            width_px: 0,
-            ..Default::default()
-        };
+        let zero = Equirectangular { width_px: 0, ..Default::default() };
         assert!(matches!(zero.validate(), Err(CameraError::Size { .. })));
-        let upside_down = Equirectangular {
-            phi_top_rad: -2.0,
-            ..Default::default()
-        };
-        assert!(matches!(
-            upside_down.validate(),
-            Err(CameraError::Elevations { .. })
-        ));
+        let upside_down = Equirectangular { phi_top_rad: -2.0, ..Default::default() };
+        assert!(matches!(upside_down.validate(), Err(CameraError::Elevations { .. })));
     }
 }

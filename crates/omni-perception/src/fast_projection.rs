@@ -54,43 +54,19 @@ impl FastProjection {
 fn atan2(y: f32, x: f32) -> f32 {
     let (across, along) = (y.abs(), x.abs());
     let is_steep = across > along;
-    let (short, long) = if is_steep {
-        (along, across)
-    } else {
-        (across, along)
-    };
-    let ratio = short
-        / if long > f32::MIN_POSITIVE {
-            long
-        } else {
-            f32::MIN_POSITIVE
-        };
+    let (short, long) = if is_steep { (along, across) } else { (across, along) };
+    let ratio = short / if long > f32::MIN_POSITIVE { long } else { f32::MIN_POSITIVE };
     let s = ratio * ratio;
     // Abramowitz and Stegun 4.4.49: |error| <= 2e-8.
     let mut sum = 0.002_866_225_7;
-    for coefficient in [
-        -0.016_165_737,
-        0.042_909_613,
-        -0.075_289_64,
-        0.106_562_64,
-        -0.142_089,
-        0.199_935_51,
-        -0.333_331_45,
-        1.0,
-    ] {
+    for coefficient in
+        [-0.016_165_737, 0.042_909_613, -0.075_289_64, 0.106_562_64, -0.142_089, 0.199_935_51, -0.333_331_45, 1.0]
+    {
         sum = sum * s + coefficient;
     }
     let first = sum * ratio;
-    let quarter = if is_steep {
-        std::f32::consts::FRAC_PI_2 - first
-    } else {
-        first
-    };
-    let half = if x < 0.0 {
-        std::f32::consts::PI - quarter
-    } else {
-        quarter
-    };
+    let quarter = if is_steep { std::f32::consts::FRAC_PI_2 - first } else { first };
+    let half = if x < 0.0 { std::f32::consts::PI - quarter } else { quarter };
     half.copysign(y)
 }
 
@@ -123,11 +99,7 @@ mod tests {
             assert!(across.min(1920.0 - across) < PIXEL_TOL, "{u} {pixel:?}");
             assert!((f64::from(v) - pixel.v).abs() < PIXEL_TOL, "{v} {pixel:?}");
         }
-        let nothing = [
-            Point3::origin(),
-            Point3::new(f32::NAN, 1.0, 0.0),
-            Point3::new(f32::INFINITY, 1.0, 0.0),
-        ];
+        let nothing = [Point3::origin(), Point3::new(f32::NAN, 1.0, 0.0), Point3::new(f32::INFINITY, 1.0, 0.0)];
         assert!(nothing.iter().all(|point| fast.project(point).2 == 0.0));
         assert_eq!(fast.project(&Point3::new(-1.0, -1e-12, 0.0)).0, 0.0);
         assert_eq!(fast.project(&Point3::new(-1.0, 0.0, 0.0)).0, 0.0);

@@ -100,12 +100,7 @@ impl LabelConfig {
             ("min_kept_share", self.min_kept_share, 0.0, 1.0),
             ("cell_px", f64::from(self.cell_px), 1.0, 256.0),
             ("hidden_step_m", self.hidden_step_m.into(), 0.0, f64::MAX),
-            (
-                "hidden_step_share",
-                self.hidden_step_share.into(),
-                0.0,
-                f64::MAX,
-            ),
+            ("hidden_step_share", self.hidden_step_share.into(), 0.0, f64::MAX),
             ("max_slope", self.max_slope.into(), 0.0, f64::MAX),
             ("link_share", self.link_share.into(), 0.0, f64::MAX),
             ("max_link_m", self.max_link_m.into(), 0.0, f64::MAX),
@@ -115,16 +110,8 @@ impl LabelConfig {
             ("min_depth_m", self.min_depth_m.into(), 0.0, f64::MAX),
             ("same_thing_iou", self.same_thing_iou, 0.0, 1.0),
         ];
-        match checks
-            .into_iter()
-            .find(|(_, value, low, high)| !(low..=high).contains(&value))
-        {
-            Some((name, value, low, high)) => Err(LabelError::Config {
-                name,
-                value,
-                low,
-                high,
-            }),
+        match checks.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((name, value, low, high)) => Err(LabelError::Config { name, value, low, high }),
             None => Ok(()),
         }
     }
@@ -176,10 +163,7 @@ pub fn transfer_labels(
 ) -> Result<LabelTransfer, LabelError> {
     camera.validate()?;
     config.validate()?;
-    let erosion = Erosion {
-        radius_px: config.erosion_px,
-        min_kept_share: config.min_kept_share,
-    };
+    let erosion = Erosion { radius_px: config.erosion_px, min_kept_share: config.min_kept_share };
     let index = MaskIndex::new(masks, camera.width_px, camera.height_px, &erosion);
     let mut grid = CellGrid::new(camera, config.cell_px);
     index.spans().for_each(|span| grid.mark(&span));
@@ -195,11 +179,8 @@ pub fn transfer_labels(
     let thing_of_mask = group_masks(masks, camera.width_px, config.same_thing_iou);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
     let mut mask_of_point: Vec<Option<u16>> = vec![None; points_in_camera.len()];
-    let tolerance = Tolerance {
-        step_m: config.hidden_step_m,
-        step_share: config.hidden_step_share,
-        slope: config.max_slope,
-    };
+    let tolerance =
+        Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
     for candidate in &filled.candidates {
         let Some(mask) = index.mask_at(candidate.u as u32, candidate.v as u32) else {
             continue;
@@ -220,19 +201,10 @@ pub fn transfer_labels(
         depth_ratio: config.depth_ratio,
         min_depth_m: config.min_depth_m,
     };
-    for (thing, members) in members
-        .iter()
-        .enumerate()
-        .filter(|(_, members)| !members.is_empty())
-    {
-        let (area_px, px) = (
-            masks[thing].rle.area() as f32,
-            camera.row_angle_rad() as f32,
-        );
-        let apparent = Apparent {
-            size_rad: 1.5 * px * area_px.sqrt(),
-            spacing_rad: px * (area_px / members.len() as f32).sqrt(),
-        };
+    for (thing, members) in members.iter().enumerate().filter(|(_, members)| !members.is_empty()) {
+        let (area_px, px) = (masks[thing].rle.area() as f32, camera.row_angle_rad() as f32);
+        let apparent =
+            Apparent { size_rad: 1.5 * px * area_px.sqrt(), spacing_rad: px * (area_px / members.len() as f32).sqrt() };
         let kept = near_mode(points_in_camera, members, &apparent, &near);
         let mut kept = kept.into_iter().peekable();
         for &member in members {
@@ -244,21 +216,9 @@ pub fn transfer_labels(
             }
         }
     }
-    let LabelReport {
-        non_finite,
-        outside_image,
-        hidden,
-        behind,
-        labelled,
-        ..
-    } = report;
-    report.unmasked =
-        points_in_camera.len() - non_finite - outside_image - hidden - behind - labelled;
-    Ok(LabelTransfer {
-        mask_of_point,
-        thing_of_mask,
-        report,
-    })
+    let LabelReport { non_finite, outside_image, hidden, behind, labelled, .. } = report;
+    report.unmasked = points_in_camera.len() - non_finite - outside_image - hidden - behind - labelled;
+    Ok(LabelTransfer { mask_of_point, thing_of_mask, report })
 }
 
 /// [`transfer_labels`] without the report. An unsound camera or configuration labels nothing.
@@ -268,10 +228,8 @@ pub fn label_points(
     masks: &[Mask],
     config: &LabelConfig,
 ) -> Vec<Option<u16>> {
-    transfer_labels(points_in_camera, camera, masks, config).map_or_else(
-        |_| vec![None; points_in_camera.len()],
-        |transfer| transfer.mask_of_point,
-    )
+    transfer_labels(points_in_camera, camera, masks, config)
+        .map_or_else(|_| vec![None; points_in_camera.len()], |transfer| transfer.mask_of_point)
 }
 
 #[cfg(test)]
@@ -292,12 +250,7 @@ mod tests {
             });
         }
         let rle = Rle::from_counts(1920, 640, &counts).expect("fills the image");
-        Mask {
-            rle,
-            label: "box".into(),
-            score: 0.9,
-            caption: String::new(),
-        }
+        Mask { rle, label: "box".into(), score: 0.9, caption: String::new() }
     }
 
     /// A square patch at `range_m` around a pixel, one point a pixel.
@@ -309,14 +262,7 @@ mod tests {
     ) -> Vec<Point3<f32>> {
         let pixels = columns.flat_map(|column| rows.clone().map(move |row| (column, row)));
         pixels
-            .map(|(u, v)| {
-                Point3::from(
-                    camera
-                        .unproject(f64::from(u) + 0.5, f64::from(v) + 0.5)
-                        .into_inner()
-                        * range_m,
-                )
-            })
+            .map(|(u, v)| Point3::from(camera.unproject(f64::from(u) + 0.5, f64::from(v) + 0.5).into_inner() * range_m))
             .map(|p| p.cast::<f32>())
             .collect()
     }
@@ -329,49 +275,21 @@ mod tests {
         let thing = patch(&camera, 900..940, 300..340, 3.0);
         let wall = patch(&camera, 880..960, 280..360, 3.4);
         let points: Vec<_> = thing.iter().chain(&wall).copied().collect();
-        let transfer = transfer_labels(
-            &points,
-            &camera,
-            &[mask(898..942, 298..342)],
-            &LabelConfig::default(),
-        );
+        let transfer = transfer_labels(&points, &camera, &[mask(898..942, 298..342)], &LabelConfig::default());
         let transfer = transfer.expect("sound");
-        assert!(
-            transfer.mask_of_point[..1600]
-                .iter()
-                .all(|mask| *mask == Some(0))
-        );
-        assert!(
-            transfer.mask_of_point[1600..]
-                .iter()
-                .all(|mask| mask.is_none())
-        );
+        assert!(transfer.mask_of_point[..1600].iter().all(|mask| *mask == Some(0)));
+        assert!(transfer.mask_of_point[1600..].iter().all(|mask| mask.is_none()));
         assert_eq!(transfer.report.labelled, 1600);
-        assert_eq!(
-            transfer.report.labelled + transfer.report.hidden + transfer.report.unmasked,
-            points.len()
-        );
+        assert_eq!(transfer.report.labelled + transfer.report.hidden + transfer.report.unmasked, points.len());
     }
 
     #[test]
     fn everything_is_counted_once() {
         let camera = Equirectangular::default();
         let mut points = patch(&camera, 900..904, 300..304, 3.0);
-        points.extend([
-            Point3::new(f32::NAN, 0.0, 0.0),
-            Point3::new(0.0, 0.0, 1.0),
-            Point3::new(-1.0, 0.0, 0.0),
-        ]);
-        let small = Mask {
-            rle: Rle::from_counts(2, 2, &[4]).expect("four"),
-            ..mask(0..1, 0..1)
-        };
-        let transfer = transfer_labels(
-            &points,
-            &camera,
-            &[mask(890..910, 290..310), small],
-            &LabelConfig::default(),
-        );
+        points.extend([Point3::new(f32::NAN, 0.0, 0.0), Point3::new(0.0, 0.0, 1.0), Point3::new(-1.0, 0.0, 0.0)]);
+        let small = Mask { rle: Rle::from_counts(2, 2, &[4]).expect("four"), ..mask(0..1, 0..1) };
+        let transfer = transfer_labels(&points, &camera, &[mask(890..910, 290..310), small], &LabelConfig::default());
         let report = transfer.expect("sound").report;
         let expected = LabelReport {
             non_finite: 1,
@@ -386,29 +304,11 @@ mod tests {
 
     #[test]
     fn unsound_input_is_refused() {
-        let config = LabelConfig {
-            link_share: f32::NAN,
-            ..LabelConfig::default()
-        };
+        let config = LabelConfig { link_share: f32::NAN, ..LabelConfig::default() };
         let result = transfer_labels(&[], &Equirectangular::default(), &[], &config);
-        assert!(matches!(
-            result,
-            Err(LabelError::Config {
-                name: "link_share",
-                ..
-            })
-        ));
-        let camera = Equirectangular {
-            width_px: 0,
-            ..Default::default()
-        };
-        assert!(matches!(
-            transfer_labels(&[], &camera, &[], &LabelConfig::default()),
-            Err(LabelError::Camera(_))
-        ));
-        assert_eq!(
-            label_points(&[Point3::origin()], &camera, &[], &LabelConfig::default()),
-            [None]
-        );
+        assert!(matches!(result, Err(LabelError::Config { name: "link_share", .. })));
+        let camera = Equirectangular { width_px: 0, ..Default::default() };
+        assert!(matches!(transfer_labels(&[], &camera, &[], &LabelConfig::default()), Err(LabelError::Camera(_))));
+        assert_eq!(label_points(&[Point3::origin()], &camera, &[], &LabelConfig::default()), [None]);
     }
 }

@@ -78,18 +78,12 @@ pub mod stamp;
 pub mod trajectory;
 pub mod vote;
 
-pub use deskew::{
-    DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime, deskew, deskew_exactly,
-};
+pub use deskew::{DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime, deskew, deskew_exactly};
 pub use encoder::{EncoderError, EncoderSample, EncoderTrack};
 pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed};
-pub use label_transfer::{
-    LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels,
-};
+pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
-pub use observation::{
-    ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama,
-};
+pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
 pub use odometry::{OdometryEstimate, TrackingStatus};
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};

@@ -33,9 +33,7 @@ impl RgbImage {
             return None;
         }
         let start = 3 * (row as usize * self.width as usize + column as usize);
-        self.rgb
-            .get(start..start + 3)
-            .map(|rgb| [rgb[0], rgb[1], rgb[2]])
+        self.rgb.get(start..start + 3).map(|rgb| [rgb[0], rgb[1], rgb[2]])
     }
 }
 

@@ -48,18 +48,12 @@ impl MaskIndex {
             entries.append(column);
         }
         start.push(entries.len() as u32);
-        MaskIndex {
-            start,
-            entries,
-            skipped: masks.len() - order.len(),
-        }
+        MaskIndex { start, entries, skipped: masks.len() - order.len() }
     }
 
     /// All rows that show a mask.
     pub(crate) fn spans(&self) -> impl Iterator<Item = Span> + '_ {
-        let of_column = |column: usize| {
-            &self.entries[self.start[column] as usize..self.start[column + 1] as usize]
-        };
+        let of_column = |column: usize| &self.entries[self.start[column] as usize..self.start[column + 1] as usize];
         (0..self.start.len() - 1).flat_map(move |column| {
             of_column(column).iter().map(move |entry| Span {
                 column: column as u32,
@@ -73,9 +67,7 @@ impl MaskIndex {
     pub(crate) fn mask_at(&self, column: u32, row: u32) -> Option<u16> {
         let range = self.start[column as usize] as usize..self.start[column as usize + 1] as usize;
         let row = row as u16;
-        let entry = self.entries[range]
-            .iter()
-            .find(|entry| row < entry.bottom)?;
+        let entry = self.entries[range].iter().find(|entry| row < entry.bottom)?;
         (entry.top <= row).then_some(entry.mask)
     }
 }
@@ -93,10 +85,7 @@ pub(crate) fn eroded(mask: &Rle, config: &Erosion) -> Vec<Span> {
     let area = mask.area() as f64;
     for radius in (1..=config.radius_px).rev() {
         let spans = eroded_by(mask, radius);
-        let kept: u64 = spans
-            .iter()
-            .map(|span| u64::from(span.bottom - span.top))
-            .sum();
+        let kept: u64 = spans.iter().map(|span| u64::from(span.bottom - span.top)).sum();
         if kept > 0 && kept as f64 >= config.min_kept_share * area {
             return spans;
         }
@@ -125,11 +114,7 @@ pub(crate) fn eroded_by(mask: &Rle, radius: u32) -> Vec<Span> {
                 std::mem::swap(&mut left, &mut merged);
             }
         }
-        spans.extend(left.iter().map(|&(top, bottom)| Span {
-            column: column as u32,
-            top,
-            bottom,
-        }));
+        spans.extend(left.iter().map(|&(top, bottom)| Span { column: column as u32, top, bottom }));
     }
     spans
 }
@@ -139,11 +124,7 @@ fn shrink(spans: &[(u32, u32)], by: u32, height: u32, shrunk: &mut Vec<(u32, u32
     shrunk.clear();
     for &(top, bottom) in spans {
         let top = if top == 0 { 0 } else { top + by };
-        let bottom = if bottom == height {
-            height
-        } else {
-            bottom.saturating_sub(by)
-        };
+        let bottom = if bottom == height { height } else { bottom.saturating_sub(by) };
         if top < bottom {
             shrunk.push((top, bottom));
         }
@@ -165,20 +146,13 @@ fn intersect(a: &[(u32, u32)], b: &[(u32, u32)], common: &mut Vec<(u32, u32)>) {
 
 /// Adds the rows of `span` that no earlier entry of the column has.
 fn add_below(column: &mut Vec<Entry>, span: &Span, mask: u16) {
-    let mut taken: Vec<(u32, u32)> = column
-        .iter()
-        .map(|e| (u32::from(e.top), u32::from(e.bottom)))
-        .collect();
+    let mut taken: Vec<(u32, u32)> = column.iter().map(|e| (u32::from(e.top), u32::from(e.bottom))).collect();
     taken.sort_unstable();
     let mut top = span.top;
     for (taken_top, taken_bottom) in taken.into_iter().chain([(span.bottom, span.bottom)]) {
         let bottom = taken_top.min(span.bottom);
         if top < bottom {
-            column.push(Entry {
-                top: top as u16,
-                bottom: bottom as u16,
-                mask,
-            });
+            column.push(Entry { top: top as u16, bottom: bottom as u16, mask });
         }
         top = top.max(taken_bottom);
     }
@@ -189,36 +163,20 @@ mod tests {
     use super::*;
 
     fn rectangle(columns: std::ops::Range<u32>, rows: std::ops::Range<u32>) -> Rle {
-        let pixels: Vec<bool> = (0..20 * 10)
-            .map(|i| columns.contains(&(i % 20)) && rows.contains(&(i / 20)))
-            .collect();
+        let pixels: Vec<bool> = (0..20 * 10).map(|i| columns.contains(&(i % 20)) && rows.contains(&(i / 20))).collect();
         Rle::from_rows(20, 10, &pixels).expect("200 pixels")
     }
 
     fn mask(rle: Rle) -> Mask {
-        Mask {
-            rle,
-            label: "thing".into(),
-            score: 1.0,
-            caption: String::new(),
-        }
+        Mask { rle, label: "thing".into(), score: 1.0, caption: String::new() }
     }
 
-    const TWO: Erosion = Erosion {
-        radius_px: 2,
-        min_kept_share: 0.15,
-    };
+    const TWO: Erosion = Erosion { radius_px: 2, min_kept_share: 0.15 };
 
     #[test]
     fn a_disc_takes_two_pixels_from_each_side() {
         let kept: Vec<_> = eroded(&rectangle(4..12, 2..9), &TWO);
-        let expected: Vec<_> = (6..10)
-            .map(|column| Span {
-                column,
-                top: 4,
-                bottom: 7,
-            })
-            .collect();
+        let expected: Vec<_> = (6..10).map(|column| Span { column, top: 4, bottom: 7 }).collect();
         assert_eq!(kept, expected);
     }
 
@@ -240,16 +198,9 @@ mod tests {
 
     #[test]
     fn the_smaller_mask_is_on_top() {
-        let none = Erosion {
-            radius_px: 0,
-            min_kept_share: 0.0,
-        };
+        let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
         let odd = mask(Rle::from_counts(2, 2, &[0, 4]).expect("four pixels"));
-        let masks = [
-            mask(rectangle(0..10, 0..10)),
-            mask(rectangle(2..6, 3..6)),
-            odd,
-        ];
+        let masks = [mask(rectangle(0..10, 0..10)), mask(rectangle(2..6, 3..6)), odd];
         let index = MaskIndex::new(&masks, 20, 10, &none);
         assert_eq!(index.skipped, 1);
         for column in 0..20 {

@@ -22,10 +22,7 @@ impl<F: Fn(u32) -> Option<Isometry3<f64>>> MotionTable<F> {
             let matrix = transform.rotation.to_rotation_matrix().into_inner();
             Some((matrix.cast(), transform.translation.vector.cast()))
         };
-        MotionTable {
-            nodes: (0..=steps).map(node).collect(),
-            exact,
-        }
+        MotionTable { nodes: (0..=steps).map(node).collect(), exact }
     }
 
     /// The point in the reference frame; `None` where there is no transform.

@@ -28,36 +28,21 @@ pub(crate) struct Apparent {
 }
 
 /// The members (indices into `points`, in camera coordinates) that belong to the near mode, in their order.
-pub(crate) fn near_mode(
-    points: &[Point3<f32>],
-    members: &[u32],
-    apparent: &Apparent,
-    config: &NearMode,
-) -> Vec<u32> {
+pub(crate) fn near_mode(points: &[Point3<f32>], members: &[u32], apparent: &Apparent, config: &NearMode) -> Vec<u32> {
     if members.is_empty() {
         return Vec::new();
     }
-    let ranges: Vec<f32> = members
-        .iter()
-        .map(|&m| points[m as usize].coords.norm())
-        .collect();
+    let ranges: Vec<f32> = members.iter().map(|&m| points[m as usize].coords.norm()).collect();
     let middle_m = quantile(ranges.clone(), 0.5);
     let by_size_m = (config.link_share * apparent.size_rad * middle_m).min(config.max_link_m);
-    let link_m = by_size_m
-        .max(config.link_spacings * apparent.spacing_rad * middle_m)
-        .max(MIN_LINK_M);
+    let link_m = by_size_m.max(config.link_spacings * apparent.spacing_rad * middle_m).max(MIN_LINK_M);
     let clusters = Clusters::new(points, members, &ranges, link_m);
     let is_kept = clusters.near(config.near_share, link_m);
     let kept = || (0..members.len()).filter(|&index| is_kept[clusters.of_member[index] as usize]);
     // The front is a low quantile, for a single stray return in front must not move it.
     let front_m = quantile(kept().map(|index| ranges[index]).collect(), 0.1);
-    let depth_m = config
-        .min_depth_m
-        .max(config.depth_ratio * apparent.size_rad * front_m);
-    kept()
-        .filter(|&index| ranges[index] <= front_m + depth_m)
-        .map(|index| members[index])
-        .collect()
+    let depth_m = config.min_depth_m.max(config.depth_ratio * apparent.size_rad * front_m);
+    kept().filter(|&index| ranges[index] <= front_m + depth_m).map(|index| members[index]).collect()
 }
 
 /// Noise of the returns: nothing is told apart below.
@@ -78,27 +63,14 @@ impl Clusters {
         for (&cluster, &range_m) in of_member.iter().zip(ranges) {
             of_cluster[cluster as usize].push(range_m);
         }
-        let extent = |ranges: Vec<f32>| {
-            (
-                ranges.len(),
-                [0.1, 0.5, 0.9].map(|share| quantile(ranges.clone(), share)),
-            )
-        };
-        Clusters {
-            of_member,
-            extents: of_cluster.into_iter().map(extent).collect(),
-        }
+        let extent = |ranges: Vec<f32>| (ranges.len(), [0.1, 0.5, 0.9].map(|share| quantile(ranges.clone(), share)));
+        Clusters { of_member, extents: of_cluster.into_iter().map(extent).collect() }
     }
 
     /// Which clusters are the thing: the nearest (by median range) of those with at least `near_share` of the
     /// largest one's points, and others beside it at the same range (a post in front cuts a thing in two).
     fn near(&self, near_share: f32, link_m: f32) -> Vec<bool> {
-        let largest = self
-            .extents
-            .iter()
-            .map(|extent| extent.0)
-            .max()
-            .unwrap_or(0);
+        let largest = self.extents.iter().map(|extent| extent.0).max().unwrap_or(0);
         let main = self
             .extents
             .iter()
@@ -158,10 +130,7 @@ fn linked_clusters(points: &[Point3<f32>], members: &[u32], link_m: f32) -> Vec<
         }
         clusters += 1;
     }
-    cell_of_member
-        .into_iter()
-        .map(|cell| cluster_of_cell[cell as usize])
-        .collect()
+    cell_of_member.into_iter().map(|cell| cluster_of_cell[cell as usize]).collect()
 }
 
 /// The value below which `share` of the numbers lie (the lowest for few numbers); zero for none.
@@ -188,15 +157,7 @@ mod tests {
 
     fn check(points: &[Point3<f32>], size_rad: f32, kept: usize) {
         let members: Vec<u32> = (0..points.len() as u32).collect();
-        let near = near_mode(
-            points,
-            &members,
-            &Apparent {
-                size_rad,
-                spacing_rad: 0.005,
-            },
-            &CONFIG,
-        );
+        let near = near_mode(points, &members, &Apparent { size_rad, spacing_rad: 0.005 }, &CONFIG);
         assert_eq!(near, members[..kept]);
     }
 

@@ -43,20 +43,10 @@ impl ObservationConfig {
     /// [`LabelError::Config`] names the first parameter that is out of its range.
     pub fn validate(&self) -> Result<(), LabelError> {
         self.labels.validate()?;
-        let checks = [
-            ("thin_m", f64::from(self.thin_m), 1e-4),
-            ("half_weight_range_m", self.half_weight_range_m, 1e-3),
-        ];
-        match checks
-            .into_iter()
-            .find(|(_, value, low)| !(*low..=f64::MAX).contains(value))
-        {
-            Some((name, value, low)) => Err(LabelError::Config {
-                name,
-                value,
-                low,
-                high: f64::MAX,
-            }),
+        let checks =
+            [("thin_m", f64::from(self.thin_m), 1e-4), ("half_weight_range_m", self.half_weight_range_m, 1e-3)];
+        match checks.into_iter().find(|(_, value, low)| !(*low..=f64::MAX).contains(value)) {
+            Some((name, value, low)) => Err(LabelError::Config { name, value, low, high: f64::MAX }),
             None => Ok(()),
         }
     }
@@ -126,14 +116,8 @@ pub fn observe_panorama(
             continue;
         }
         let is_of_thing = |mask: &usize| usize::from(transfer.thing_of_mask[*mask]) == thing;
-        let names: Vec<&Mask> = (0..masks.len())
-            .filter(is_of_thing)
-            .map(|mask| &masks[mask])
-            .collect();
-        let ranges = members
-            .iter()
-            .map(|&member| points_in_camera[member as usize].coords.norm())
-            .collect();
+        let names: Vec<&Mask> = (0..masks.len()).filter(is_of_thing).map(|mask| &masks[mask]).collect();
+        let ranges = members.iter().map(|&member| points_in_camera[member as usize].coords.norm()).collect();
         let range_m = f64::from(quantile(ranges, 0.5));
         let (label_weights, best) = frame_histogram(&names);
         objects.push(ObjectObservation {
@@ -148,11 +132,7 @@ pub fn observe_panorama(
             touches_image_border: names.iter().any(|mask| touches_border(mask)),
         });
     }
-    Ok(Observations {
-        objects,
-        mask_of_point: transfer.mask_of_point,
-        report: transfer.report,
-    })
+    Ok(Observations { objects, mask_of_point: transfer.mask_of_point, report: transfer.report })
 }
 
 /// The things of [`observe_panorama`] alone. An unsound camera or configuration sees nothing.
@@ -167,22 +147,11 @@ pub fn observe_objects(
         .map_or_else(|_| Vec::new(), |observations| observations.objects)
 }
 
-fn to_camera(
-    points_in_world: &[Point3<f32>],
-    world_from_camera: &Isometry3<f64>,
-) -> Vec<Point3<f32>> {
+fn to_camera(points_in_world: &[Point3<f32>], world_from_camera: &Isometry3<f64>) -> Vec<Point3<f32>> {
     // The camera's position is taken off first, so that single precision suffices far from the world's origin.
     let camera_in_world = world_from_camera.translation.vector.cast::<f32>();
-    let camera_from_world = world_from_camera
-        .rotation
-        .inverse()
-        .to_rotation_matrix()
-        .into_inner()
-        .cast::<f32>();
-    points_in_world
-        .iter()
-        .map(|p| Point3::from(camera_from_world * (p.coords - camera_in_world)))
-        .collect()
+    let camera_from_world = world_from_camera.rotation.inverse().to_rotation_matrix().into_inner().cast::<f32>();
+    points_in_world.iter().map(|p| Point3::from(camera_from_world * (p.coords - camera_in_world))).collect()
 }
 
 /// Score times the inverse variance of the position, which grows with the square of the range.
@@ -193,11 +162,7 @@ fn frame_weight(score: f32, range_m: f64, config: &ObservationConfig) -> f64 {
 
 /// A score in [1e-3, 1]; segmenters write anything.
 pub(crate) fn sound_score(score: f32) -> f32 {
-    if score.is_nan() {
-        1e-3
-    } else {
-        score.clamp(1e-3, 1.0)
-    }
+    if score.is_nan() { 1e-3 } else { score.clamp(1e-3, 1.0) }
 }
 
 fn thin(points: &[Point3<f32>], members: &[u32], config: &ObservationConfig) -> Vec<Point3<f32>> {
@@ -241,7 +206,5 @@ fn median_color(
 
 fn touches_border(mask: &Mask) -> bool {
     let height = mask.rle.height();
-    mask.rle
-        .spans()
-        .any(|span| span.top == 0 || span.bottom == height)
+    mask.rle.spans().any(|span| span.top == 0 || span.bottom == height)
 }

@@ -60,12 +60,7 @@ impl CellGrid {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
         let is_near_mask = vec![false; columns * rows];
-        CellGrid {
-            columns,
-            rows,
-            cells_per_px: 1.0 / cell_px as f32,
-            is_near_mask,
-        }
+        CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, is_near_mask }
     }
 
     /// Marks the cells of a span and all around them.
@@ -81,25 +76,14 @@ impl CellGrid {
     }
 
     fn cell_of(&self, u: f32, v: f32) -> (usize, usize) {
-        let (column, row) = (
-            (u * self.cells_per_px) as usize,
-            (v * self.cells_per_px) as usize,
-        );
+        let (column, row) = ((u * self.cells_per_px) as usize, (v * self.cells_per_px) as usize);
         (column.min(self.columns - 1), row.min(self.rows - 1))
     }
 
     /// The column between its neighbours; they wrap behind the camera.
     fn with_neighbours(&self, column: usize) -> [usize; 3] {
-        let left = if column == 0 {
-            self.columns - 1
-        } else {
-            column - 1
-        };
-        let right = if column + 1 == self.columns {
-            0
-        } else {
-            column + 1
-        };
+        let left = if column == 0 { self.columns - 1 } else { column - 1 };
+        let right = if column + 1 == self.columns { 0 } else { column + 1 };
         [left, column, right]
     }
 }
@@ -117,11 +101,7 @@ impl RangeBuffer {
     /// Projects all points and keeps the nearest of each cell near a mask.
     pub(crate) fn fill(points: &[Point3<f32>], camera: &Equirectangular, grid: CellGrid) -> Filled {
         let projection = FastProjection::new(camera);
-        let far = Nearest {
-            u: 0.0,
-            v: 0.0,
-            range_m: f32::INFINITY,
-        };
+        let far = Nearest { u: 0.0, v: 0.0, range_m: f32::INFINITY };
         let mut cells = vec![far; grid.is_near_mask.len()];
         let mut candidates = Vec::new();
         let (mut non_finite, mut outside_image) = (0, 0);
@@ -135,22 +115,13 @@ impl RangeBuffer {
             for (index, (&(u, v, range_m), point)) in pixels.iter().zip(points).enumerate() {
                 if range_m == 0.0 {
                     let is_finite = point.iter().all(|x| x.is_finite());
-                    *(if is_finite {
-                        &mut outside_image
-                    } else {
-                        &mut non_finite
-                    }) += 1;
+                    *(if is_finite { &mut outside_image } else { &mut non_finite }) += 1;
                     continue;
                 }
                 let (column, row) = grid.cell_of(u, v);
                 let cell = row * grid.columns + column;
                 if grid.is_near_mask[cell] {
-                    candidates.push(Candidate {
-                        u,
-                        v,
-                        range_m,
-                        point: (block * BLOCK + index) as u32,
-                    });
+                    candidates.push(Candidate { u, v, range_m, point: (block * BLOCK + index) as u32 });
                     if range_m < cells[cell].range_m {
                         cells[cell] = Nearest { u, v, range_m };
                     }
@@ -158,18 +129,8 @@ impl RangeBuffer {
             }
         }
         let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
-        let buffer = RangeBuffer {
-            grid,
-            width,
-            rad_per_px,
-            cells,
-        };
-        Filled {
-            buffer,
-            candidates,
-            non_finite,
-            outside_image,
-        }
+        let buffer = RangeBuffer { grid, width, rad_per_px, cells };
+        Filled { buffer, candidates, non_finite, outside_image }
     }
 
     /// Whether nothing nearer stands before the point. The point must be in the image.
@@ -200,36 +161,19 @@ impl RangeBuffer {
 mod tests {
     use super::*;
 
-    const TOLERANCE: Tolerance = Tolerance {
-        step_m: 0.05,
-        step_share: 0.02,
-        slope: 8.0,
-    };
+    const TOLERANCE: Tolerance = Tolerance { step_m: 0.05, step_share: 0.02, slope: 8.0 };
 
     /// Points in the directions of (u, v) at a range: does the first hide the second?
     fn check(near: (f64, f64, f64), far: (f64, f64, f64), is_visible: bool) {
         let camera = Equirectangular::default();
         let mut grid = CellGrid::new(&camera, 2);
-        grid.mark(&Span {
-            column: far.0 as u32,
-            top: far.1 as u32,
-            bottom: far.1 as u32 + 1,
-        });
-        let point =
-            |(u, v, range)| Point3::from(camera.unproject(u, v).into_inner() * range).cast::<f32>();
+        grid.mark(&Span { column: far.0 as u32, top: far.1 as u32, bottom: far.1 as u32 + 1 });
+        let point = |(u, v, range)| Point3::from(camera.unproject(u, v).into_inner() * range).cast::<f32>();
         let filled = RangeBuffer::fill(&[point(far), point(near)], &camera, grid);
         let candidate = filled.candidates[0];
         assert_eq!(candidate.point, 0);
-        assert_eq!(
-            filled.buffer.is_visible(&candidate, &TOLERANCE),
-            is_visible,
-            "{near:?} {far:?}"
-        );
-        assert!(
-            filled.candidates[1..]
-                .iter()
-                .all(|near| filled.buffer.is_visible(near, &TOLERANCE))
-        );
+        assert_eq!(filled.buffer.is_visible(&candidate, &TOLERANCE), is_visible, "{near:?} {far:?}");
+        assert!(filled.candidates[1..].iter().all(|near| filled.buffer.is_visible(near, &TOLERANCE)));
     }
 
     #[test]

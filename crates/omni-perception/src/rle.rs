@@ -80,11 +80,7 @@ impl Rle {
         if sum != pixels {
             return Err(RleError::Sum { sum, pixels });
         }
-        Ok(Rle {
-            width,
-            height,
-            ends,
-        })
+        Ok(Rle { width, height, ends })
     }
 
     /// A mask from COCO's compressed string.
@@ -113,16 +109,12 @@ impl Rle {
             if counts.len() > 2 {
                 value += i64::from(counts[counts.len() - 2]);
             }
-            let count = u32::try_from(value).map_err(|_| RleError::Number {
-                position: position + 1,
-            })?;
+            let count = u32::try_from(value).map_err(|_| RleError::Number { position: position + 1 })?;
             counts.push(count);
             (value, shift) = (0, 0);
         }
         if shift != 0 {
-            return Err(RleError::Number {
-                position: text.len(),
-            });
+            return Err(RleError::Number { position: text.len() });
         }
         Rle::from_counts(width, height, &counts)
     }
@@ -134,10 +126,7 @@ impl Rle {
     pub fn from_rows(width: u32, height: u32, rows: &[bool]) -> Result<Rle, RleError> {
         let pixels = u64::from(width) * u64::from(height);
         if rows.len() as u64 != pixels {
-            return Err(RleError::Sum {
-                sum: rows.len() as u64,
-                pixels,
-            });
+            return Err(RleError::Sum { sum: rows.len() as u64, pixels });
         }
         let mut counts = vec![0];
         let mut current = false;
@@ -166,11 +155,7 @@ impl Rle {
     /// COCO's uncompressed counts.
     pub fn counts(&self) -> Vec<u32> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        self.ends
-            .iter()
-            .zip(starts)
-            .map(|(end, start)| end - start)
-            .collect()
+        self.ends.iter().zip(starts).map(|(end, start)| end - start).collect()
     }
 
     /// COCO's compressed string.
@@ -178,23 +163,13 @@ impl Rle {
         let counts = self.counts();
         let mut text = String::new();
         for (index, &count) in counts.iter().enumerate() {
-            let before = if index > 2 {
-                i64::from(counts[index - 2])
-            } else {
-                0
-            };
+            let before = if index > 2 { i64::from(counts[index - 2]) } else { 0 };
             let mut value = i64::from(count) - before;
             loop {
                 let group = value & 31;
                 value >>= 5;
-                let is_last = if group & 16 != 0 {
-                    value == -1
-                } else {
-                    value == 0
-                };
-                text.push(char::from(
-                    b'0' + (group | if is_last { 0 } else { 32 }) as u8,
-                ));
+                let is_last = if group & 16 != 0 { value == -1 } else { value == 0 };
+                text.push(char::from(b'0' + (group | if is_last { 0 } else { 32 }) as u8));
                 if is_last {
                     break;
                 }
@@ -214,29 +189,19 @@ impl Rle {
 
     /// Number of pixels in the mask.
     pub fn area(&self) -> u64 {
-        self.ends
-            .chunks_exact(2)
-            .map(|run| u64::from(run[1] - run[0]))
-            .sum()
+        self.ends.chunks_exact(2).map(|run| u64::from(run[1] - run[0])).sum()
     }
 
     /// The ones, column by column, each column from the top. Runs that cross into the next column are cut there.
     pub fn spans(&self) -> impl Iterator<Item = Span> + '_ {
         let height = self.height;
-        self.ends
-            .chunks_exact(2)
-            .filter(|run| run[0] < run[1])
-            .flat_map(move |run| {
-                let (start, end) = (run[0], run[1]);
-                (start / height..=(end - 1) / height).map(move |column| {
-                    let first = column * height;
-                    Span {
-                        column,
-                        top: start.max(first) - first,
-                        bottom: (end - first).min(height),
-                    }
-                })
+        self.ends.chunks_exact(2).filter(|run| run[0] < run[1]).flat_map(move |run| {
+            let (start, end) = (run[0], run[1]);
+            (start / height..=(end - 1) / height).map(move |column| {
+                let first = column * height;
+                Span { column, top: start.max(first) - first, bottom: (end - first).min(height) }
             })
+        })
     }
 }
 
@@ -270,48 +235,20 @@ mod tests {
 
     #[test]
     fn large_counts_take_several_characters() {
-        let mask =
-            Rle::from_counts(1920, 640, &[1_000_000, 100, 100, 50, 228_550]).expect("all pixels");
+        let mask = Rle::from_counts(1920, 640, &[1_000_000, 100, 100, 50, 228_550]).expect("all pixels");
         let text = mask.to_coco_string();
         assert_eq!(Rle::from_coco_string(1920, 640, &text), Ok(mask));
     }
 
     #[test]
     fn hostile_encodings_are_refused() {
-        assert_eq!(
-            Rle::from_counts(2, 2, &[3]),
-            Err(RleError::Sum { sum: 3, pixels: 4 })
-        );
-        assert_eq!(
-            Rle::from_counts(2, 2, &[u32::MAX; 9]),
-            Err(RleError::Sum {
-                sum: u32::MAX.into(),
-                pixels: 4
-            })
-        );
-        assert!(matches!(
-            Rle::from_counts(0, 2, &[]),
-            Err(RleError::Size { .. })
-        ));
-        assert_eq!(
-            Rle::from_coco_string(2, 2, "4 "),
-            Err(RleError::Character { position: 1 })
-        );
-        assert!(matches!(
-            Rle::from_coco_string(2, 2, "oooooooooo"),
-            Err(RleError::Number { .. })
-        ));
-        assert_eq!(
-            Rle::from_coco_string(2, 2, "4o"),
-            Err(RleError::Number { position: 2 })
-        );
-        assert!(matches!(
-            Rle::from_coco_string(2, 2, "O"),
-            Err(RleError::Number { .. })
-        )); // negative
-        assert!(matches!(
-            Rle::from_rows(2, 2, &[true]),
-            Err(RleError::Sum { .. })
-        ));
+        assert_eq!(Rle::from_counts(2, 2, &[3]), Err(RleError::Sum { sum: 3, pixels: 4 }));
+        assert_eq!(Rle::from_counts(2, 2, &[u32::MAX; 9]), Err(RleError::Sum { sum: u32::MAX.into(), pixels: 4 }));
+        assert!(matches!(Rle::from_counts(0, 2, &[]), Err(RleError::Size { .. })));
+        assert_eq!(Rle::from_coco_string(2, 2, "4 "), Err(RleError::Character { position: 1 }));
+        assert!(matches!(Rle::from_coco_string(2, 2, "oooooooooo"), Err(RleError::Number { .. })));
+        assert_eq!(Rle::from_coco_string(2, 2, "4o"), Err(RleError::Number { position: 2 }));
+        assert!(matches!(Rle::from_coco_string(2, 2, "O"), Err(RleError::Number { .. }))); // negative
+        assert!(matches!(Rle::from_rows(2, 2, &[true]), Err(RleError::Sum { .. })));
     }
 }

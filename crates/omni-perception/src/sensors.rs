@@ -27,12 +27,7 @@ pub struct RawScan {
 impl RawScan {
     /// Time of the latest point (the start if there is none).
     pub fn end(&self) -> Stamp {
-        let longest = self
-            .points
-            .iter()
-            .map(|point| point.offset_ns)
-            .max()
-            .unwrap_or(0);
+        let longest = self.points.iter().map(|point| point.offset_ns).max().unwrap_or(0);
         self.start.plus_ns(i64::from(longest))
     }
 }

@@ -27,11 +27,7 @@ mod tests {
     #[test]
     fn the_jacobian_is_the_derivative_of_the_logarithm() {
         let rate = Vector3::new(0.4, -1.0, 0.7);
-        for axis in [
-            Vector3::new(1e-6, 2e-6, 0.0),
-            Vector3::new(0.3, -0.2, 0.5),
-            Vector3::new(1.8, 1.5, -1.0),
-        ] {
+        for axis in [Vector3::new(1e-6, 2e-6, 0.0), Vector3::new(0.3, -0.2, 0.5), Vector3::new(1.8, 1.5, -1.0)] {
             let start = UnitQuaternion::from_scaled_axis(axis);
             let log = |t: f64| (start * UnitQuaternion::from_scaled_axis(rate * t)).scaled_axis();
             let numeric = (log(1e-6) - log(-1e-6)) / 2e-6;

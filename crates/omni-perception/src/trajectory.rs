@@ -58,10 +58,7 @@ const DEFAULT_MAX_GAP_S: f64 = 0.25;
 impl Trajectory {
     /// An empty trajectory that gives no pose between knots more than `max_gap_s` apart.
     pub fn new(max_gap_s: f64) -> Trajectory {
-        Trajectory {
-            knots: Vec::new(),
-            max_gap_s,
-        }
+        Trajectory { knots: Vec::new(), max_gap_s }
     }
 
     /// A trajectory through estimates in the order of time, with the default gap of 0.25 s.
@@ -70,9 +67,7 @@ impl Trajectory {
     /// [`TrajectoryError`] at the first bad estimate.
     pub fn from_estimates(estimates: &[OdometryEstimate]) -> Result<Trajectory, TrajectoryError> {
         let mut trajectory = Trajectory::default();
-        estimates
-            .iter()
-            .try_for_each(|estimate| trajectory.push(estimate))?;
+        estimates.iter().try_for_each(|estimate| trajectory.push(estimate))?;
         Ok(trajectory)
     }
 
@@ -83,10 +78,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`TrajectoryError::NotFinite`] if `start` is not finite.
-    pub fn from_constant_twist(
-        start: &OdometryEstimate,
-        duration_s: f64,
-    ) -> Result<Trajectory, TrajectoryError> {
+    pub fn from_constant_twist(start: &OdometryEstimate, duration_s: f64) -> Result<Trajectory, TrajectoryError> {
         let rate = start.angular_velocity_in_body_radps;
         // At most a radian between knots, so that the logarithm is far from its cut; bounded for hostile input.
         let pieces = (duration_s * rate.norm()).ceil().clamp(1.0, 1e4);
@@ -94,17 +86,11 @@ impl Trajectory {
         for piece in 0..=pieces as usize {
             let dt_s = duration_s * piece as f64 / pieces;
             // OmniVLN Eq. 1
-            let rotation =
-                start.world_from_body.rotation * UnitQuaternion::from_scaled_axis(rate * dt_s);
-            let position =
-                start.world_from_body.translation.vector + start.velocity_in_world_mps * dt_s;
+            let rotation = start.world_from_body.rotation * UnitQuaternion::from_scaled_axis(rate * dt_s);
+            let position = start.world_from_body.translation.vector + start.velocity_in_world_mps * dt_s;
             let world_from_body = Isometry3::from_parts(Translation3::from(position), rotation);
             let stamp = start.stamp.plus_seconds(dt_s);
-            trajectory.push(&OdometryEstimate {
-                stamp,
-                world_from_body,
-                ..*start
-            })?;
+            trajectory.push(&OdometryEstimate { stamp, world_from_body, ..*start })?;
         }
         Ok(trajectory)
     }
@@ -126,12 +112,7 @@ impl Trajectory {
         let sparse = Trajectory::from_estimates(estimates)?;
         let rates: Vec<(Stamp, Vector3<f64>)> = imu
             .iter()
-            .map(|s| {
-                (
-                    s.stamp,
-                    body_from_imu * (s.angular_velocity_radps - gyro_bias_radps),
-                )
-            })
+            .map(|s| (s.stamp, body_from_imu * (s.angular_velocity_radps - gyro_bias_radps)))
             .filter(|(_, rate)| rate.iter().all(|x| x.is_finite()))
             .collect();
         let mut dense = Trajectory::new(sparse.max_gap_s);
@@ -139,9 +120,7 @@ impl Trajectory {
             dense.knots.push(pair[0]);
             let inside = |s: &&(Stamp, Vector3<f64>)| pair[0].stamp < s.0 && s.0 < pair[1].stamp;
             let rates: Vec<_> = rates.iter().filter(inside).copied().collect();
-            dense
-                .knots
-                .extend(integrate_rates(&pair[0], &pair[1], &rates));
+            dense.knots.extend(integrate_rates(&pair[0], &pair[1], &rates));
         }
         dense.knots.extend(sparse.knots.last().copied());
         Ok(dense)
@@ -167,10 +146,7 @@ impl Trajectory {
             return Err(TrajectoryError::NotFinite { stamp });
         }
         match self.knots.last() {
-            Some(last) if stamp <= last.stamp => Err(TrajectoryError::NotLater {
-                stamp,
-                last: last.stamp,
-            }),
+            Some(last) if stamp <= last.stamp => Err(TrajectoryError::NotLater { stamp, last: last.stamp }),
             _ => {
                 self.knots.push(knot);
                 Ok(())
@@ -194,16 +170,11 @@ impl Trajectory {
         let after = self.knots.partition_point(|knot| knot.stamp <= stamp);
         let from = self.knots.get(after.checked_sub(1)?)?;
         let (rotation, position) = match self.knots.get(after) {
-            Some(to) if to.stamp.seconds_since(from.stamp) <= self.max_gap_s => {
-                between(from, to, stamp)
-            }
+            Some(to) if to.stamp.seconds_since(from.stamp) <= self.max_gap_s => between(from, to, stamp),
             _ if stamp == from.stamp => (from.rotation, from.position),
             _ => return None,
         };
-        Some(Isometry3::from_parts(
-            Translation3::from(position),
-            rotation,
-        ))
+        Some(Isometry3::from_parts(Translation3::from(position), rotation))
     }
 }
 
@@ -214,17 +185,11 @@ fn between(from: &Knot, to: &Knot, stamp: Stamp) -> (UnitQuaternion<f64>, Vector
     let h01 = s * s * (3.0 - 2.0 * s);
     let h10 = s * (1.0 - s) * (1.0 - s) * period_s;
     let h11 = s * s * (s - 1.0) * period_s;
-    let position = from.position
-        + (to.position - from.position) * h01
-        + from.velocity * h10
-        + to.velocity * h11;
+    let position = from.position + (to.position - from.position) * h01 + from.velocity * h10 + to.velocity * h11;
     let turn = (from.rotation.inverse() * to.rotation).scaled_axis();
     let end_rate = right_jacobian_inverse(&turn) * to.angular_velocity;
     let rotation_vector = turn * h01 + from.angular_velocity * h10 + end_rate * h11;
-    (
-        from.rotation * UnitQuaternion::from_scaled_axis(rotation_vector),
-        position,
-    )
+    (from.rotation * UnitQuaternion::from_scaled_axis(rotation_vector), position)
 }
 
 /// Knots at the times of the rates, integrated from `from` and bent to meet `to`.
@@ -237,12 +202,7 @@ fn integrate_rates(from: &Knot, to: &Knot, rates: &[(Stamp, Vector3<f64>)]) -> V
         }
         let middle = 0.5 * (last.angular_velocity + rate);
         let turn = UnitQuaternion::from_scaled_axis(middle * stamp.seconds_since(last.stamp));
-        last = Knot {
-            stamp,
-            rotation: last.rotation * turn,
-            angular_velocity: rate,
-            ..last
-        };
+        last = Knot { stamp, rotation: last.rotation * turn, angular_velocity: rate, ..last };
         knots.push(last);
     }
     let middle = 0.5 * (last.angular_velocity + to.angular_velocity);
@@ -281,11 +241,8 @@ mod tests {
     fn constant_acceleration_is_met_exactly() {
         // x = t^2, yaw = t^3 between 0 and 0.2 s: both are cubics.
         let end = estimate(Stamp(200_000_000), 0.04, 0.008, 0.4, 0.12);
-        let trajectory = Trajectory::from_estimates(&[estimate(Stamp(0), 0.0, 0.0, 0.0, 0.0), end])
-            .expect("valid");
-        let pose = trajectory
-            .world_from_body(Stamp(100_000_000))
-            .expect("inside");
+        let trajectory = Trajectory::from_estimates(&[estimate(Stamp(0), 0.0, 0.0, 0.0, 0.0), end]).expect("valid");
+        let pose = trajectory.world_from_body(Stamp(100_000_000)).expect("inside");
         assert!((pose.translation.x - 0.01).abs() < 1e-12);
         assert!((pose.rotation.euler_angles().2 - 0.001).abs() < 1e-12);
     }
@@ -294,9 +251,7 @@ mod tests {
     fn eq_1_constant_twist() {
         let start = estimate(Stamp(0), 0.0, 0.0, 2.0, 30.0);
         let trajectory = Trajectory::from_constant_twist(&start, 0.1).expect("valid");
-        let pose = trajectory
-            .world_from_body(Stamp(50_000_000))
-            .expect("inside");
+        let pose = trajectory.world_from_body(Stamp(50_000_000)).expect("inside");
         assert!((pose.translation.x - 0.1).abs() < 1e-12);
         assert!((pose.rotation.euler_angles().2 - 1.5).abs() < 1e-9);
     }
@@ -310,20 +265,11 @@ mod tests {
             [-1, 0, 50, 100, 101, 899, 900, 901].map(|ms| is_known(&trajectory, ms)),
             [false, true, true, true, false, false, true, false]
         );
-        assert!(matches!(
-            trajectory.push(&knots[0]),
-            Err(TrajectoryError::NotLater { .. })
-        ));
+        assert!(matches!(trajectory.push(&knots[0]), Err(TrajectoryError::NotLater { .. })));
         let nan = estimate(Stamp(i64::MAX), f64::NAN, 0.0, 0.0, 0.0);
-        assert!(matches!(
-            trajectory.push(&nan),
-            Err(TrajectoryError::NotFinite { .. })
-        ));
+        assert!(matches!(trajectory.push(&nan), Err(TrajectoryError::NotFinite { .. })));
         trajectory.forget_before(Stamp(150_000_000));
-        assert_eq!(
-            trajectory.span(),
-            Some((Stamp(100_000_000), Stamp(900_000_000)))
-        );
+        assert_eq!(trajectory.span(), Some((Stamp(100_000_000), Stamp(900_000_000))));
         assert_eq!(Trajectory::default().world_from_body(Stamp(0)), None);
     }
 
@@ -333,10 +279,8 @@ mod tests {
         let yaw = |t: f64| 0.2 * (20.0 * t).sin();
         let rate = |t: f64| 4.0 * (20.0 * t).cos();
         let at = |t: f64| Stamp(0).plus_seconds(t);
-        let sparse: Vec<_> = (0..=2)
-            .map(|k| 0.1 * k as f64)
-            .map(|t| estimate(at(t), t, yaw(t), 1.0, rate(t)))
-            .collect();
+        let sparse: Vec<_> =
+            (0..=2).map(|k| 0.1 * k as f64).map(|t| estimate(at(t), t, yaw(t), 1.0, rate(t))).collect();
         let imu: Vec<_> = (0..40)
             .map(|k| 0.005 * k as f64)
             .map(|t| ImuSample {
@@ -346,21 +290,15 @@ mod tests {
             })
             .collect();
         let bias = Vector3::new(0.0, 0.0, 0.01);
-        let dense =
-            Trajectory::from_estimates_and_gyro(&sparse, &imu, &UnitQuaternion::identity(), &bias);
-        let (dense, coarse) = (
-            dense.expect("valid"),
-            Trajectory::from_estimates(&sparse).expect("valid"),
-        );
+        let dense = Trajectory::from_estimates_and_gyro(&sparse, &imu, &UnitQuaternion::identity(), &bias);
+        let (dense, coarse) = (dense.expect("valid"), Trajectory::from_estimates(&sparse).expect("valid"));
         let worst = |trajectory: &Trajectory| {
             let error = |t: f64| {
                 let pose = trajectory.world_from_body(at(t)).expect("inside");
                 assert!((pose.translation.x - t).abs() < 1e-9);
                 (pose.rotation.euler_angles().2 - yaw(t)).abs()
             };
-            (0..200)
-                .map(|k| error(0.001 * k as f64))
-                .fold(0.0, f64::max)
+            (0..200).map(|k| error(0.001 * k as f64)).fold(0.0, f64::max)
         };
         assert!(worst(&coarse) > 5e-3, "{}", worst(&coarse));
         assert!(worst(&dense) < 2e-4, "{}", worst(&dense));

@@ -54,10 +54,7 @@ impl LabelVote {
         let total: f64 = self.sums.values().map(|sums| sums.0).sum();
         let mean_score = |sums: &(f64, f64)| if sums.0 > 0.0 { sums.1 / sums.0 } else { 0.0 };
         let mut ranking: Vec<(&String, &(f64, f64))> = self.sums.iter().collect();
-        ranking.sort_by(|(_, a), (_, b)| {
-            b.0.total_cmp(&a.0)
-                .then(mean_score(b).total_cmp(&mean_score(a)))
-        });
+        ranking.sort_by(|(_, a), (_, b)| b.0.total_cmp(&a.0).then(mean_score(b).total_cmp(&mean_score(a))));
         let (label, first) = *ranking.first()?;
         let share = |sums: &(f64, f64)| if total > 0.0 { sums.0 / total } else { 0.0 };
         let second = ranking.get(1);
@@ -84,10 +81,8 @@ pub(crate) fn frame_histogram<'a>(masks: &[&'a Mask]) -> (Vec<(String, f64)>, &'
         *score = score.max(f64::from(sound_score(mask.score)));
     }
     let total: f64 = scores.values().sum();
-    let mut histogram: Vec<(String, f64)> = scores
-        .into_iter()
-        .map(|(label, score)| (label.to_string(), score / total))
-        .collect();
+    let mut histogram: Vec<(String, f64)> =
+        scores.into_iter().map(|(label, score)| (label.to_string(), score / total)).collect();
     histogram.sort_by(|a, b| b.1.total_cmp(&a.1)); // stable: ties stay in the order of names
     (histogram, best)
 }
@@ -121,17 +116,8 @@ mod tests {
             vote.add(&seen("mug", 8, 0.6, 0.4), 1.0);
         }
         let result = vote.result().expect("votes");
-        assert_eq!(
-            (
-                result.label.as_str(),
-                result.runner_up.as_deref(),
-                result.frames
-            ),
-            ("mug", Some("bucket"), 4)
-        );
-        assert!(
-            (result.share - 1.2 / 2.1).abs() < 1e-12 && (result.margin - 0.3 / 2.1).abs() < 1e-12
-        );
+        assert_eq!((result.label.as_str(), result.runner_up.as_deref(), result.frames), ("mug", Some("bucket"), 4));
+        assert!((result.share - 1.2 / 2.1).abs() < 1e-12 && (result.margin - 0.3 / 2.1).abs() < 1e-12);
     }
 
     #[test]
@@ -153,12 +139,7 @@ mod tests {
             score,
             caption: String::new(),
         };
-        let masks = [
-            mask("sofa", 0.6),
-            mask("couch", 0.2),
-            mask("sofa", 0.3),
-            mask("bed", f32::NAN),
-        ];
+        let masks = [mask("sofa", 0.6), mask("couch", 0.2), mask("sofa", 0.3), mask("bed", f32::NAN)];
         let (histogram, best) = frame_histogram(&masks.iter().collect::<Vec<_>>());
         assert_eq!(best.label, "sofa");
         assert_eq!(histogram[0].0, "sofa");

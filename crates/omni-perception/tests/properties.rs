@@ -10,10 +10,7 @@ fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
 
 fn pose() -> impl Strategy<Value = Isometry3<f64>> {
     (vector(5.0), vector(3.0)).prop_map(|(position, axis)| {
-        Isometry3::from_parts(
-            Translation3::from(position),
-            UnitQuaternion::from_scaled_axis(axis),
-        )
+        Isometry3::from_parts(Translation3::from(position), UnitQuaternion::from_scaled_axis(axis))
     })
 }
 
@@ -26,27 +23,14 @@ fn estimate() -> impl Strategy<Value = OdometryEstimate> {
 }
 
 fn scan() -> impl Strategy<Value = RawScan> {
-    let point = (
-        prop::array::uniform3(-20.0..20.0_f32),
-        0..100_000_000_u32,
-        0..32_u16,
-    )
-        .prop_map(|(p, offset_ns, ring)| RawPoint {
-            position: Point3::from(p),
-            offset_ns,
-            ring,
-        });
-    prop::collection::vec(point, 0..60).prop_map(|points| RawScan {
-        start: Stamp(7_000_000_000),
-        points,
-    })
+    let point = (prop::array::uniform3(-20.0..20.0_f32), 0..100_000_000_u32, 0..32_u16)
+        .prop_map(|(p, offset_ns, ring)| RawPoint { position: Point3::from(p), offset_ns, ring });
+    prop::collection::vec(point, 0..60).prop_map(|points| RawScan { start: Stamp(7_000_000_000), points })
 }
 
 fn mount() -> impl Strategy<Value = RotatingMount> {
-    (pose(), pose()).prop_map(|(body_from_stator, rotor_from_sensor)| RotatingMount {
-        body_from_stator,
-        rotor_from_sensor,
-    })
+    (pose(), pose())
+        .prop_map(|(body_from_stator, rotor_from_sensor)| RotatingMount { body_from_stator, rotor_from_sensor })
 }
 
 /// Encoder at 500 Hz over the time of [`scan`], turning at a constant rate below half a turn a sample.
@@ -166,17 +150,10 @@ mod projection {
     use super::*;
 
     fn camera() -> impl Strategy<Value = Equirectangular> {
-        (1..3000_u32, 1..1000_u32, -1.57..1.5_f64, 0.01..3.0_f64).prop_map(
-            |(width_px, height_px, bottom, span)| {
-                let phi_top_rad = (bottom + span).min(1.57);
-                Equirectangular {
-                    width_px,
-                    height_px,
-                    phi_top_rad,
-                    phi_bottom_rad: bottom,
-                }
-            },
-        )
+        (1..3000_u32, 1..1000_u32, -1.57..1.5_f64, 0.01..3.0_f64).prop_map(|(width_px, height_px, bottom, span)| {
+            let phi_top_rad = (bottom + span).min(1.57);
+            Equirectangular { width_px, height_px, phi_top_rad, phi_bottom_rad: bottom }
+        })
     }
 
     proptest! {
@@ -223,12 +200,7 @@ mod masks {
     }
 
     fn mask(rle: Rle) -> Mask {
-        Mask {
-            rle,
-            label: "thing".into(),
-            score: 0.5,
-            caption: String::new(),
-        }
+        Mask { rle, label: "thing".into(), score: 0.5, caption: String::new() }
     }
 
     proptest! {

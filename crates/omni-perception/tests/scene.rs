@@ -28,14 +28,9 @@ struct Outcome {
 fn run(moment: &Moment, camera_error: &Isometry3<f64>) -> Vec<Outcome> {
     let world_from_camera = moment.world_from_camera * camera_error;
     let config = ObservationConfig::default();
-    let seen = observe_panorama(
-        &moment.panorama(),
-        &moment.points_in_world,
-        &world_from_camera,
-        &moment.camera,
-        &config,
-    )
-    .expect("sound");
+    let seen =
+        observe_panorama(&moment.panorama(), &moment.points_in_world, &world_from_camera, &moment.camera, &config)
+            .expect("sound");
     let eye = moment.world_from_camera * nalgebra::Point3::origin();
     let is_visible: Vec<bool> = moment
         .points_in_world
@@ -52,41 +47,25 @@ fn run(moment: &Moment, camera_error: &Isometry3<f64>) -> Vec<Outcome> {
         .iter()
         .enumerate()
         .map(|(index, mask)| {
-            let thing = moment
-                .scene
-                .names
-                .iter()
-                .position(|name| *name == mask.label)
-                .expect("a thing of the scene");
-            let labelled: Vec<usize> = (0..moment.things.len())
-                .filter(|&p| seen.mask_of_point[p] == Some(index as u16))
-                .collect();
-            let right = labelled
-                .iter()
-                .filter(|&&p| moment.things[p] == thing)
-                .count();
+            let thing = moment.scene.names.iter().position(|name| *name == mask.label).expect("a thing of the scene");
+            let labelled: Vec<usize> =
+                (0..moment.things.len()).filter(|&p| seen.mask_of_point[p] == Some(index as u16)).collect();
+            let right = labelled.iter().filter(|&&p| moment.things[p] == thing).count();
             let (low, high) = moment.scene.bounds(thing);
             let mut growth_m = f32::NEG_INFINITY;
             for axis in 0..3 {
-                let mut along: Vec<f32> = labelled
-                    .iter()
-                    .map(|&p| moment.points_in_world[p][axis])
-                    .collect();
+                let mut along: Vec<f32> = labelled.iter().map(|&p| moment.points_in_world[p][axis]).collect();
                 along.sort_unstable_by(f32::total_cmp);
                 let out = (along.len() as f32 * OUTLIERS) as usize;
                 if let (Some(first), Some(last)) = (along.get(out), along.iter().rev().nth(out)) {
-                    growth_m = growth_m
-                        .max(low[axis] as f32 - first)
-                        .max(last - high[axis] as f32);
+                    growth_m = growth_m.max(low[axis] as f32 - first).max(last - high[axis] as f32);
                 }
             }
             Outcome {
                 name: mask.label.clone(),
                 right,
                 wrong: labelled.len() - right,
-                visible: (0..moment.things.len())
-                    .filter(|&p| moment.things[p] == thing && is_visible[p])
-                    .count(),
+                visible: (0..moment.things.len()).filter(|&p| moment.things[p] == thing && is_visible[p]).count(),
                 growth_m,
             }
         })
@@ -115,30 +94,13 @@ fn bleeding_masks_do_not_make_things_grow() {
         print(&outcomes);
         assert_eq!(outcomes.len(), 9, "all things have a mask");
         for outcome in &outcomes {
-            assert!(
-                outcome.growth_m <= GROWTH_TOL_M,
-                "{} grows by {} m",
-                outcome.name,
-                outcome.growth_m
-            );
+            assert!(outcome.growth_m <= GROWTH_TOL_M, "{} grows by {} m", outcome.name, outcome.growth_m);
             let found = outcome.right as f64 / outcome.visible as f64;
-            assert!(
-                found >= 0.80,
-                "{} keeps {found} of its points",
-                outcome.name
-            );
-            assert!(
-                outcome.wrong as f64 <= 0.04 * outcome.right as f64,
-                "{}: {} wrong",
-                outcome.name,
-                outcome.wrong
-            );
+            assert!(found >= 0.80, "{} keeps {found} of its points", outcome.name);
+            assert!(outcome.wrong as f64 <= 0.04 * outcome.right as f64, "{}: {} wrong", outcome.name, outcome.wrong);
         }
         assert!(precision(&outcomes) >= 0.99);
-        let mug = outcomes
-            .iter()
-            .find(|outcome| outcome.name == "mug")
-            .expect("seen");
+        let mug = outcomes.iter().find(|outcome| outcome.name == "mug").expect("seen");
         assert!(mug.right >= 20, "the mug keeps {} points", mug.right);
     }
 }
@@ -156,40 +118,20 @@ fn an_extrinsic_error_and_a_late_image_cost_little() {
         print(&outcomes);
         let precision = precision(&outcomes);
         assert!(precision >= 0.97, "{precision}");
-        let mug = outcomes
-            .iter()
-            .find(|outcome| outcome.name == "mug")
-            .expect("seen");
-        assert!(
-            mug.right >= 10 && mug.wrong <= 3,
-            "mug {} right, {} wrong",
-            mug.right,
-            mug.wrong
-        );
+        let mug = outcomes.iter().find(|outcome| outcome.name == "mug").expect("seen");
+        assert!(mug.right >= 10 && mug.wrong <= 3, "mug {} right, {} wrong", mug.right, mug.wrong);
     }
 }
 
 #[test]
 fn a_lidar_that_does_not_turn_finds_the_same_things() {
     // The same beams hit the same rows over and over: large things get many points, the mug few.
-    let outcomes = run(
-        &Moment::with_motor(4, 0.015, 2, 0.0),
-        &Isometry3::identity(),
-    );
+    let outcomes = run(&Moment::with_motor(4, 0.015, 2, 0.0), &Isometry3::identity());
     print(&outcomes);
     assert!(precision(&outcomes) >= 0.98);
     for outcome in outcomes.iter().filter(|outcome| outcome.visible >= 30) {
-        assert!(
-            outcome.growth_m <= GROWTH_TOL_M,
-            "{} grows by {} m",
-            outcome.name,
-            outcome.growth_m
-        );
-        assert!(
-            outcome.right as f64 >= 0.6 * outcome.visible as f64,
-            "{} loses points",
-            outcome.name
-        );
+        assert!(outcome.growth_m <= GROWTH_TOL_M, "{} grows by {} m", outcome.name, outcome.growth_m);
+        assert!(outcome.right as f64 >= 0.6 * outcome.visible as f64, "{} loses points", outcome.name);
     }
 }
 
@@ -198,11 +140,7 @@ fn without_erosion_and_near_mode_things_do_grow() {
     // The test above could pass because the scene is too easy: take the defences away and it must fail.
     let moment = Moment::new(1, 0.015, 2);
     let camera_from_world = moment.world_from_camera.inverse().cast::<f32>();
-    let points: Vec<_> = moment
-        .points_in_world
-        .iter()
-        .map(|p| camera_from_world * p)
-        .collect();
+    let points: Vec<_> = moment.points_in_world.iter().map(|p| camera_from_world * p).collect();
     let defenceless = LabelConfig {
         erosion_px: 0,
         hidden_step_m: 100.0,
@@ -220,8 +158,5 @@ fn without_erosion_and_near_mode_things_do_grow() {
         (0..points.len()).filter(is_wrong).count()
     };
     let (naive, ours) = (wrong(&defenceless), wrong(&LabelConfig::default()));
-    assert!(
-        naive > 10 * ours,
-        "{naive} wrong labels without, {ours} with"
-    );
+    assert!(naive > 10 * ours, "{naive} wrong labels without, {ours} with");
 }

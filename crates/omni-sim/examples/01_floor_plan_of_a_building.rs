@@ -18,16 +18,11 @@ const SCALE: f64 = 70.0;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let number =
-        |i: usize, default: u32| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(default);
+    let number = |i: usize, default: u32| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(default);
     let first = args.first().map_or("flat", String::as_str);
 
     // 1. Say what to build. The same configuration gives the same building again.
-    let style = if first == "office" {
-        Style::Office
-    } else {
-        Style::Flat
-    };
+    let style = if first == "office" { Style::Office } else { Style::Flat };
     let config = BuildingConfig {
         seed: u64::from(number(2, 7)),
         rooms: number(1, 7),
@@ -35,11 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         style,
         ..Default::default()
     };
-    let scene = if args.len() == 1 {
-        named_scene(first)
-    } else {
-        None
-    };
+    let scene = if args.len() == 1 { named_scene(first) } else { None };
     let building = match scene {
         Some(building) => building,
         None => generate(&config)?,
@@ -47,54 +38,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // 2. See what is there.
     for room in &building.rooms {
-        let things = building
-            .objects
-            .iter()
-            .filter(|o| o.room == room.id)
-            .count();
-        println!(
-            "{:16} {:5.1} m2, {} rectangles, {things} things",
-            room.name,
-            room.area_m2(),
-            room.rects.len()
-        );
+        let things = building.objects.iter().filter(|o| o.room == room.id).count();
+        println!("{:16} {:5.1} m2, {} rectangles, {things} things", room.name, room.area_m2(), room.rects.len());
     }
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for object in &building.objects {
         *counts.entry(object.class.as_str()).or_default() += 1;
     }
-    let repeated: Vec<String> = counts
-        .iter()
-        .filter(|(_, n)| **n > 1)
-        .map(|(c, n)| format!("{n} x {c}"))
-        .collect();
-    println!(
-        "{} doors, {} things of {} classes",
-        building.doors.len(),
-        building.objects.len(),
-        counts.len()
-    );
+    let repeated: Vec<String> = counts.iter().filter(|(_, n)| **n > 1).map(|(c, n)| format!("{n} x {c}")).collect();
+    println!("{} doors, {} things of {} classes", building.doors.len(), building.objects.len(), counts.len());
     println!("more than once: {}", repeated.join(", "));
-    println!(
-        "{} triangles, {} movers",
-        building.mesh.faces.len(),
-        building.movers.len()
-    );
-    for object in building
-        .objects
-        .iter()
-        .step_by(building.objects.len() / 5 + 1)
-    {
+    println!("{} triangles, {} movers", building.mesh.faces.len(), building.movers.len());
+    for object in building.objects.iter().step_by(building.objects.len() / 5 + 1) {
         println!("  {} {}: {}", object.class, object.id, object.caption);
     }
 
     // 3. Draw it.
-    let path = args.get(4).cloned().unwrap_or_else(|| {
-        std::env::temp_dir()
-            .join("floor-plan.svg")
-            .to_string_lossy()
-            .into_owned()
-    });
+    let path = args
+        .get(4)
+        .cloned()
+        .unwrap_or_else(|| std::env::temp_dir().join("floor-plan.svg").to_string_lossy().into_owned());
     std::fs::write(&path, svg(&building))?;
     println!("floor plan in {path}");
 
@@ -118,10 +81,7 @@ fn svg(building: &Building) -> String {
         rects().map(|r| r.min.x).fold(f64::INFINITY, f64::min),
         rects().map(|r| r.min.y).fold(f64::INFINITY, f64::min),
     );
-    let (x1, y1) = (
-        rects().map(|r| r.max.x).fold(0.0, f64::max),
-        rects().map(|r| r.max.y).fold(0.0, f64::max),
-    );
+    let (x1, y1) = (rects().map(|r| r.max.x).fold(0.0, f64::max), rects().map(|r| r.max.y).fold(0.0, f64::max));
     let storeys = building.rooms.iter().map(|r| r.storey).max().unwrap_or(0) + 1;
     let (w, h) = (x1 - x0 + 1.0, y1 - y0 + 1.0);
     let mut out = String::new();
@@ -145,52 +105,24 @@ fn svg(building: &Building) -> String {
                 (y1 - y0) * SCALE
             );
         };
-        let rooms: Vec<_> = building
-            .rooms
-            .iter()
-            .filter(|r| r.storey == storey)
-            .collect();
+        let rooms: Vec<_> = building.rooms.iter().filter(|r| r.storey == storey).collect();
         for r in rooms.iter().flat_map(|r| &r.rects) {
-            rect(
-                r.min.x - 0.12,
-                r.min.y - 0.12,
-                r.max.x + 0.12,
-                r.max.y + 0.12,
-                "fill='#333'",
-            );
+            rect(r.min.x - 0.12, r.min.y - 0.12, r.max.x + 0.12, r.max.y + 0.12, "fill='#333'");
         }
         for room in &rooms {
-            let tint = [
-                "#fdf6e3", "#e8f1f8", "#eef6e8", "#f8ecec", "#f1ecf8", "#f6f2dd",
-            ][room.kind as usize % 6];
+            let tint = ["#fdf6e3", "#e8f1f8", "#eef6e8", "#f8ecec", "#f1ecf8", "#f6f2dd"][room.kind as usize % 6];
             for r in &room.rects {
                 // A hair larger, so that the parts of an L join without a seam.
-                rect(
-                    r.min.x - 0.005,
-                    r.min.y - 0.005,
-                    r.max.x + 0.005,
-                    r.max.y + 0.005,
-                    &format!("fill='{tint}'"),
-                );
+                rect(r.min.x - 0.005, r.min.y - 0.005, r.max.x + 0.005, r.max.y + 0.005, &format!("fill='{tint}'"));
             }
         }
-        for d in building
-            .doors
-            .iter()
-            .filter(|d| (d.center.z - rooms[0].floor_z_m).abs() < 0.1)
-        {
+        for d in building.doors.iter().filter(|d| (d.center.z - rooms[0].floor_z_m).abs() < 0.1) {
             let (dx, dy, fill) = match d.axis {
                 DoorAxis::X => (0.06, d.width_m / 2.0, "#fff"),
                 DoorAxis::Y => (d.width_m / 2.0, 0.06, "#fff"),
                 DoorAxis::Z => (0.2, 0.2, "#88f"),
             };
-            rect(
-                d.center.x - dx,
-                d.center.y - dy,
-                d.center.x + dx,
-                d.center.y + dy,
-                &format!("fill='{fill}'"),
-            );
+            rect(d.center.x - dx, d.center.y - dy, d.center.x + dx, d.center.y + dy, &format!("fill='{fill}'"));
         }
         let here = |o: &&ObjectTruth| building.rooms[o.room as usize].storey == storey;
         let mut labels = String::new();

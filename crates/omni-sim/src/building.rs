@@ -29,14 +29,7 @@ pub struct BuildingConfig {
 
 impl Default for BuildingConfig {
     fn default() -> Self {
-        Self {
-            seed: 0,
-            rooms: 5,
-            storeys: 1,
-            style: Style::Flat,
-            min_door_m: 1.0,
-            passage_m: 0.95,
-        }
+        Self { seed: 0, rooms: 5, storeys: 1, style: Style::Flat, min_door_m: 1.0, passage_m: 0.95 }
     }
 }
 
@@ -171,10 +164,7 @@ pub struct Rect {
 impl Rect {
     /// From the four bounds.
     pub fn new(x0: f64, y0: f64, x1: f64, y1: f64) -> Self {
-        Self {
-            min: Point2::new(x0, y0),
-            max: Point2::new(x1, y1),
-        }
+        Self { min: Point2::new(x0, y0), max: Point2::new(x1, y1) }
     }
 
     /// Extent along x.
@@ -199,10 +189,7 @@ impl Rect {
 
     /// True on the border too.
     pub fn contains(&self, point: &Point2<f64>) -> bool {
-        point.x >= self.min.x
-            && point.x <= self.max.x
-            && point.y >= self.min.y
-            && point.y <= self.max.y
+        point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y
     }
 
     /// Distance from a point to the nearest point of the rectangle, zero inside.
@@ -222,12 +209,7 @@ impl Rect {
 
     /// Grown by `margin_m` on every side (shrunk if negative).
     pub fn grown(&self, margin_m: f64) -> Rect {
-        Rect::new(
-            self.min.x - margin_m,
-            self.min.y - margin_m,
-            self.max.x + margin_m,
-            self.max.y + margin_m,
-        )
+        Rect::new(self.min.x - margin_m, self.min.y - margin_m, self.max.x + margin_m, self.max.y + margin_m)
     }
 }
 
@@ -344,18 +326,12 @@ impl Bounds {
     /// Distance from a point to the nearest point of the box, zero inside.
     pub fn distance_m(&self, point: &Point3<f64>) -> f64 {
         let dz = (self.min.z - point.z).max(point.z - self.max.z).max(0.0);
-        self.footprint()
-            .distance_m(&Point2::new(point.x, point.y))
-            .hypot(dz)
+        self.footprint().distance_m(&Point2::new(point.x, point.y)).hypot(dz)
     }
 
     /// Shortest distance between two boxes, zero if they touch.
     pub fn gap_m(&self, other: &Bounds) -> f64 {
-        let gap = |a: usize| {
-            (other.min[a] - self.max[a])
-                .max(self.min[a] - other.max[a])
-                .max(0.0)
-        };
+        let gap = |a: usize| (other.min[a] - self.max[a]).max(self.min[a] - other.max[a]).max(0.0);
         gap(0).hypot(gap(1)).hypot(gap(2))
     }
 
@@ -368,18 +344,13 @@ impl Bounds {
 impl Building {
     /// The object with this id.
     pub fn object(&self, id: u32) -> Option<&ObjectTruth> {
-        self.objects
-            .binary_search_by_key(&id, |o| o.id)
-            .ok()
-            .map(|i| &self.objects[i])
+        self.objects.binary_search_by_key(&id, |o| o.id).ok().map(|i| &self.objects[i])
     }
 
     /// The room whose floor is under the point (between floor and ceiling), `None` inside walls, doorways and outside.
     pub fn room_at(&self, point: &Point3<f64>) -> Option<&RoomTruth> {
         self.rooms.iter().find(|r| {
-            r.contains(&Point2::new(point.x, point.y))
-                && point.z >= r.floor_z_m
-                && point.z <= r.floor_z_m + r.height_m
+            r.contains(&Point2::new(point.x, point.y)) && point.z >= r.floor_z_m && point.z <= r.floor_z_m + r.height_m
         })
     }
 }

@@ -32,11 +32,7 @@ pub fn misread(object: &ObjectTruth, label: &str) -> String {
     let mut k = 0;
     while k < words.len() {
         let bare = |w: &str| w.trim_end_matches([',', '.', ';']).to_string();
-        let matches = k + from.len() <= words.len()
-            && from
-                .iter()
-                .enumerate()
-                .all(|(j, f)| bare(&words[k + j]) == *f);
+        let matches = k + from.len() <= words.len() && from.iter().enumerate().all(|(j, f)| bare(&words[k + j]) == *f);
         if matches {
             let last = &words[k + from.len() - 1];
             let tail = &last[bare(last).len()..];
@@ -54,9 +50,7 @@ fn caption(rng: &mut impl Rng, objects: &[ObjectTruth], i: usize) -> String {
     let o = &objects[i];
     let mut neighbours: Vec<(f64, &ObjectTruth)> = objects
         .iter()
-        .filter(|p| {
-            p.id != o.id && p.room == o.room && Some(p.id) != o.supported_by && p.class != "window"
-        })
+        .filter(|p| p.id != o.id && p.room == o.room && Some(p.id) != o.supported_by && p.class != "window")
         .map(|p| (o.bounds.gap_m(&p.bounds), p))
         .filter(|(gap, _)| *gap <= 1.0)
         .collect();
@@ -75,11 +69,7 @@ fn caption(rng: &mut impl Rng, objects: &[ObjectTruth], i: usize) -> String {
     sentences.extend(more);
     let mut remarks = remarks(o);
     remarks.shuffle(rng);
-    let words = |s: &[String]| {
-        s.iter()
-            .map(|t| t.split_whitespace().count())
-            .sum::<usize>()
-    };
+    let words = |s: &[String]| s.iter().map(|t| t.split_whitespace().count()).sum::<usize>();
     while words(&sentences) < WORDS_MIN {
         let Some(remark) = remarks.pop() else { break };
         sentences.push(remark);
@@ -97,38 +87,17 @@ fn opening(rng: &mut impl Rng, o: &ObjectTruth, objects: &[ObjectTruth]) -> Stri
         0 => format!("a {adjective}{} {}", o.color, o.class),
         1 => format!("a {} {} {}", o.color, o.material, o.class),
         2 => format!("a {adjective}{} {} {}", o.color, o.material, o.class),
-        _ => format!(
-            "a {adjective}{} {} made of {}",
-            o.color, o.class, o.material
-        ),
+        _ => format!("a {adjective}{} {} made of {}", o.color, o.class, o.material),
     };
-    let support = o
-        .supported_by
-        .and_then(|s| objects.iter().find(|p| p.id == s));
+    let support = o.supported_by.and_then(|s| objects.iter().find(|p| p.id == s));
     let place = match (support, class(&o.class).map(|c| c.mount)) {
         (Some(s), _) if s.class == "bookshelf" || s.class == "storage rack" => {
-            format!(
-                "{} on a board of a {} {}",
-                pick(rng, &["lying", "placed", "kept"]),
-                s.color,
-                s.class
-            )
+            format!("{} on a board of a {} {}", pick(rng, &["lying", "placed", "kept"]), s.color, s.class)
         }
-        (Some(s), _) => format!(
-            "{} on a {} {}",
-            pick(rng, &["standing", "resting", "placed"]),
-            s.color,
-            s.class
-        ),
-        (None, Some(Mount::Wall(_))) => pick(
-            rng,
-            &[
-                "fixed to the wall",
-                "mounted on the wall",
-                "on the wall at eye level",
-            ],
-        )
-        .to_string(),
+        (Some(s), _) => format!("{} on a {} {}", pick(rng, &["standing", "resting", "placed"]), s.color, s.class),
+        (None, Some(Mount::Wall(_))) => {
+            pick(rng, &["fixed to the wall", "mounted on the wall", "on the wall at eye level"]).to_string()
+        }
         _ => pick(
             rng,
             &[
@@ -151,22 +120,11 @@ fn opening(rng: &mut impl Rng, o: &ObjectTruth, objects: &[ObjectTruth]) -> Stri
 fn surroundings(rng: &mut impl Rng, neighbours: &[(f64, &ObjectTruth)]) -> Option<String> {
     let (gap, first) = neighbours.first()?;
     let name = |o: &ObjectTruth| format!("a {} {}", o.color, o.class);
-    let second = neighbours[1..]
-        .iter()
-        .find(|n| n.1.class != first.class)
-        .map(|n| n.1);
-    let near = if *gap < 0.3 {
-        ["right beside", "next to", "close to"]
-    } else {
-        ["near", "not far from", "in sight of"]
-    };
+    let second = neighbours[1..].iter().find(|n| n.1.class != first.class).map(|n| n.1);
+    let near =
+        if *gap < 0.3 { ["right beside", "next to", "close to"] } else { ["near", "not far from", "in sight of"] };
     Some(match (second, rng.random_range(0..3)) {
-        (Some(s), 0) => format!(
-            "It is {} {} and {}.",
-            pick(rng, &near),
-            name(first),
-            name(s)
-        ),
+        (Some(s), 0) => format!("It is {} {} and {}.", pick(rng, &near), name(first), name(s)),
         (Some(s), 1) => capital(&format!("{} and {} are close by.", name(first), name(s))),
         (Some(s), _) => format!("There are {} and {} nearby.", name(first), name(s)),
         (None, 0) => format!("There is {} close by.", name(first)),
@@ -225,17 +183,13 @@ fn pick<'a>(rng: &mut impl Rng, words: &[&'a str]) -> &'a str {
 
 fn capital(text: &str) -> String {
     let mut letters = text.chars();
-    letters.next().map_or(String::new(), |f| {
-        f.to_uppercase().collect::<String>() + letters.as_str()
-    })
+    letters.next().map_or(String::new(), |f| f.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 /// Turns "a orange" into "an orange".
 fn articles(text: &str) -> String {
     let words: Vec<&str> = text.split(' ').collect();
-    let vowel = |w: &str| {
-        w.starts_with(['a', 'e', 'i', 'o', 'u']) && !w.starts_with("use") && !w.starts_with("one")
-    };
+    let vowel = |w: &str| w.starts_with(['a', 'e', 'i', 'o', 'u']) && !w.starts_with("use") && !w.starts_with("one");
     let fixed = words.iter().enumerate().map(|(k, w)| {
         let next = words.get(k + 1).copied().unwrap_or("");
         match *w {
@@ -266,16 +220,9 @@ mod tests {
     #[test]
     fn a_misread_mug_has_the_caption_of_a_vase() {
         let b = crate::scenes::named_scene("flat").expect("a named scene");
-        let mug = b
-            .objects
-            .iter()
-            .find(|o| o.class == "mug")
-            .expect("the flat has mugs");
+        let mug = b.objects.iter().find(|o| o.class == "mug").expect("the flat has mugs");
         let caption = misread(mug, "vase");
-        assert!(
-            caption.contains("vase") && caption.contains("holding flowers"),
-            "{caption}"
-        );
+        assert!(caption.contains("vase") && caption.contains("holding flowers"), "{caption}");
         assert!(caption.contains(&mug.color) && !caption.contains(&mug.function));
         assert_ne!(caption, mug.caption);
     }

@@ -60,12 +60,8 @@ pub fn may_be_called(class: &str, noun: &str) -> bool {
 }
 
 const WOODS: &[&str] = &["brown", "beige", "white", "black"];
-const CLOTHS: &[&str] = &[
-    "grey", "blue", "red", "green", "beige", "brown", "orange", "purple",
-];
-const BRIGHT: &[&str] = &[
-    "white", "red", "blue", "green", "yellow", "orange", "black", "pink",
-];
+const CLOTHS: &[&str] = &["grey", "blue", "red", "green", "beige", "brown", "orange", "purple"];
+const BRIGHT: &[&str] = &["white", "red", "blue", "green", "yellow", "orange", "black", "pink"];
 const TECH: &[&str] = &["black", "grey", "white"];
 const WOOD: &[&str] = &["wood", "oak", "pine"];
 const BOARD: &[&str] = &["wood", "chipboard", "laminate"];
@@ -86,17 +82,7 @@ const fn row(
     function: &'static str,
     look_alikes: &'static [&'static str],
 ) -> Class {
-    Class {
-        name,
-        form,
-        size_m,
-        mount,
-        usable,
-        colors,
-        materials,
-        function,
-        look_alikes,
-    }
+    Class { name, form, size_m, mount, usable, colors, materials, function, look_alikes }
 }
 
 use Mount::{Floor, Top, Wall};
@@ -209,29 +195,15 @@ mod tests {
     fn the_table_is_consistent() {
         assert!(CLASSES.len() >= 40);
         for (i, c) in CLASSES.iter().enumerate() {
-            assert!(
-                CLASSES[..i].iter().all(|d| d.name != c.name),
-                "{} twice",
-                c.name
-            );
+            assert!(CLASSES[..i].iter().all(|d| d.name != c.name), "{} twice", c.name);
             assert!(!c.look_alikes.is_empty() && !c.colors.is_empty() && !c.materials.is_empty());
             assert!(
-                c.look_alikes
-                    .iter()
-                    .all(|l| *l != c.name && class(l).is_some()),
+                c.look_alikes.iter().all(|l| *l != c.name && class(l).is_some()),
                 "{} looks like nothing known",
                 c.name
             );
-            assert!(
-                c.colors.iter().all(|n| COLORS.iter().any(|(m, _)| m == n)),
-                "{}",
-                c.name
-            );
-            assert!(
-                c.size_m.iter().all(|(low, high)| *low > 0.0 && low <= high),
-                "{}",
-                c.name
-            );
+            assert!(c.colors.iter().all(|n| COLORS.iter().any(|(m, _)| m == n)), "{}", c.name);
+            assert!(c.size_m.iter().all(|(low, high)| *low > 0.0 && low <= high), "{}", c.name);
         }
     }
 

@@ -27,23 +27,13 @@ const SPREAD: i32 = 10;
 
 /// The name whose middle is nearest (squared distance of the channels).
 pub fn color_name(rgb: [u8; 3]) -> &'static str {
-    let distance = |c: &[u8; 3]| {
-        (0..3)
-            .map(|k| (i32::from(c[k]) - i32::from(rgb[k])).pow(2))
-            .sum::<i32>()
-    };
-    COLORS
-        .iter()
-        .min_by_key(|(_, c)| distance(c))
-        .map_or("grey", |(name, _)| name)
+    let distance = |c: &[u8; 3]| (0..3).map(|k| (i32::from(c[k]) - i32::from(rgb[k])).pow(2)).sum::<i32>();
+    COLORS.iter().min_by_key(|(_, c)| distance(c)).map_or("grey", |(name, _)| name)
 }
 
 /// A colour of this name; grey if there is no such name.
 pub fn draw_color(rng: &mut impl Rng, name: &str) -> [u8; 3] {
-    let middle = COLORS
-        .iter()
-        .find(|(n, _)| *n == name)
-        .map_or([132, 134, 138], |(_, c)| *c);
+    let middle = COLORS.iter().find(|(n, _)| *n == name).map_or([132, 134, 138], |(_, c)| *c);
     middle.map(|v| (i32::from(v) + rng.random_range(-SPREAD..=SPREAD)).clamp(0, 255) as u8)
 }
 

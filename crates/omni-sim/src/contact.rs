@@ -5,15 +5,17 @@
 //! Nothing is integrated by rapier; what a contact does to the motion is decided in [`crate::ground_base`] and
 //! [`crate::quadrotor`]. All conversions to rapier's types are in this file.
 
+pub use crate::touch::TouchCounter;
+
 use crate::mesh::{InstanceId, TriangleMesh};
 use crate::world::World;
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::pipeline::CollisionPipeline;
 use rapier3d::prelude::{
-    ActiveCollisionTypes, BroadPhaseBvh, Collider, ColliderBuilder, ColliderHandle, ColliderSet,
-    ContactManifold, Group, InteractionGroups, InteractionTestMode, IslandManager, NarrowPhase,
-    PairContacts, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, TriMeshFlags,
+    ActiveCollisionTypes, BroadPhaseBvh, Collider, ColliderBuilder, ColliderHandle, ColliderSet, ContactManifold,
+    Group, InteractionGroups, InteractionTestMode, IslandManager, NarrowPhase, PairContacts, RigidBodyBuilder,
+    RigidBodyHandle, RigidBodySet, TriMeshFlags,
 };
 use thiserror::Error;
 
@@ -116,11 +118,7 @@ const ROBOT: Group = Group::GROUP_2;
 
 impl ContactWorld {
     /// Puts a robot into a world. Instances in `ignored` (such as the robot's own moving legs) are never touched.
-    pub fn new(
-        world: &World,
-        shapes: &[CollisionShape],
-        ignored: &[InstanceId],
-    ) -> Result<ContactWorld, ContactError> {
+    pub fn new(world: &World, shapes: &[CollisionShape], ignored: &[InstanceId]) -> Result<ContactWorld, ContactError> {
         if shapes.is_empty() {
             return Err(ContactError::NoShape);
         }
@@ -148,8 +146,7 @@ impl ContactWorld {
             }
             let start = pose(&mover.path[0].1);
             let body = bodies.insert(RigidBodyBuilder::kinematic_position_based().pose(start));
-            let collider =
-                colliders.insert_with_parent(mesh_collider(&mover.mesh)?, body, &mut bodies);
+            let collider = colliders.insert_with_parent(mesh_collider(&mover.mesh)?, body, &mut bodies);
             movers.push((body, collider, mover.clone()));
         }
         Ok(ContactWorld {
@@ -171,10 +168,7 @@ impl ContactWorld {
     /// All places where the robot at `world_from_body` is in something at `stamp_ns`, the deepest first; empty when the pose
     /// is not finite.
     pub fn contacts(&mut self, world_from_body: &Isometry3<f64>, stamp_ns: i64) -> Vec<Contact> {
-        let finite = world_from_body
-            .to_homogeneous()
-            .iter()
-            .all(|x| x.is_finite());
+        let finite = world_from_body.to_homogeneous().iter().all(|x| x.is_finite());
         if !finite {
             return Vec::new();
         }
@@ -206,30 +200,15 @@ impl ContactWorld {
                     continue;
                 };
                 let robot_is_first = pair.collider1 == shape;
-                let other = if robot_is_first {
-                    pair.collider2
-                } else {
-                    pair.collider1
-                };
+                let other = if robot_is_first { pair.collider2 } else { pair.collider1 };
                 for manifold in &rigid.manifolds {
-                    self.read_manifold(
-                        manifold,
-                        shape,
-                        other,
-                        robot_is_first,
-                        stamp_ns,
-                        &mut contacts,
-                    );
+                    self.read_manifold(manifold, shape, other, robot_is_first, stamp_ns, &mut contacts);
                 }
             }
         }
         contacts.sort_by(|a: &Contact, b| {
             let key = |c: &Contact| (c.instance, c.point.x, c.point.y, c.point.z);
-            b.depth_m.total_cmp(&a.depth_m).then(
-                key(a)
-                    .partial_cmp(&key(b))
-                    .unwrap_or(std::cmp::Ordering::Equal),
-            )
+            b.depth_m.total_cmp(&a.depth_m).then(key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal))
         });
         contacts
     }
@@ -248,39 +227,21 @@ impl ContactWorld {
         stamp_ns: i64,
         contacts: &mut Vec<Contact>,
     ) {
-        let subshape = if robot_is_first {
-            manifold.subshape2
-        } else {
-            manifold.subshape1
-        };
+        let subshape = if robot_is_first { manifold.subshape2 } else { manifold.subshape1 };
         let Some(instance) = self.instance_of(other, subshape) else {
             return;
         };
-        let (Some(thing), Some(robot)) = (self.colliders.get(other), self.colliders.get(shape))
-        else {
+        let (Some(thing), Some(robot)) = (self.colliders.get(other), self.colliders.get(shape)) else {
             return;
         };
         // Normals point out of their shape; the thing's one points towards the robot.
-        let normal = thing.position().rotation
-            * if robot_is_first {
-                manifold.local_n2
-            } else {
-                manifold.local_n1
-            };
+        let normal = thing.position().rotation * if robot_is_first { manifold.local_n2 } else { manifold.local_n1 };
         for point in manifold.points.iter().filter(|p| p.dist < 0.0) {
-            let local = if robot_is_first {
-                point.local_p2
-            } else {
-                point.local_p1
-            };
+            let local = if robot_is_first { point.local_p2 } else { point.local_p1 };
             let in_world = thing.position().transform_point(local);
             // Deep in a thin wall the normal may point through it: the robot's own centre says which side is out.
             let outward = (robot.position().translation - in_world).dot(normal);
-            let normal = if outward < 0.0 && -point.dist > 0.02 {
-                -normal
-            } else {
-                normal
-            };
+            let normal = if outward < 0.0 && -point.dist > 0.02 { -normal } else { normal };
             contacts.push(Contact {
                 stamp_ns,
                 instance,
@@ -295,10 +256,7 @@ impl ContactWorld {
         if Some(collider) == self.static_collider {
             return self.static_instances.get(triangle as usize).copied();
         }
-        let mover = self
-            .movers
-            .iter()
-            .find(|(_, handle, _)| *handle == collider);
+        let mover = self.movers.iter().find(|(_, handle, _)| *handle == collider);
         mover.map(|(_, _, mover)| mover.instance)
     }
 }
@@ -325,12 +283,7 @@ fn grouped(builder: ColliderBuilder, own: Group, other: Group) -> Collider {
 /// `None` for a shape without volume or with NaN.
 fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
     let good = |x: f64| x.is_finite() && x > 1e-6;
-    if !shape
-        .body_from_shape
-        .to_homogeneous()
-        .iter()
-        .all(|x| x.is_finite())
-    {
+    if !shape.body_from_shape.to_homogeneous().iter().all(|x| x.is_finite()) {
         return None;
     }
     let mut placed = shape.body_from_shape;
@@ -339,18 +292,13 @@ fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
             .iter()
             .all(|x| good(*x))
             .then(|| ColliderBuilder::cuboid(half_m.x as f32, half_m.y as f32, half_m.z as f32))?,
-        ShapeGeometry::Cylinder {
-            radius_m,
-            half_length_m,
-        } => {
+        ShapeGeometry::Cylinder { radius_m, half_length_m } => {
             // rapier's cylinders stand along y: a quarter turn about x takes y to z.
             placed *= Isometry3::rotation(Vector3::x() * std::f64::consts::FRAC_PI_2);
             (good(*radius_m) && good(*half_length_m))
                 .then(|| ColliderBuilder::cylinder(*half_length_m as f32, *radius_m as f32))?
         }
-        ShapeGeometry::Sphere { radius_m } => {
-            good(*radius_m).then(|| ColliderBuilder::ball(*radius_m as f32))?
-        }
+        ShapeGeometry::Sphere { radius_m } => good(*radius_m).then(|| ColliderBuilder::ball(*radius_m as f32))?,
         ShapeGeometry::ConvexHull { points } => {
             if points.len() < 4 || !points.iter().flat_map(|p| p.iter()).all(|x| x.is_finite()) {
                 return None;
@@ -373,24 +321,16 @@ fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
 }
 
 fn mesh_collider(mesh: &TriangleMesh) -> Result<Collider, ContactError> {
-    let vertices = mesh
-        .vertices
-        .iter()
-        .map(|v| Vector::new(v.x, v.y, v.z))
-        .collect();
+    let vertices = mesh.vertices.iter().map(|v| Vector::new(v.x, v.y, v.z)).collect();
     // Flags would renumber the triangles; contacts are two-sided as they are.
-    let builder =
-        ColliderBuilder::trimesh_with_flags(vertices, mesh.faces.clone(), TriMeshFlags::empty());
+    let builder = ColliderBuilder::trimesh_with_flags(vertices, mesh.faces.clone(), TriMeshFlags::empty());
     let builder = builder.map_err(|_| ContactError::Mesh)?;
     Ok(grouped(builder, WORLD, ROBOT))
 }
 
 /// The mesh without the triangles of some instances and without triangles of no area, and the instance of what is left.
 fn without(mesh: &TriangleMesh, ignored: &[InstanceId]) -> (TriangleMesh, Vec<InstanceId>) {
-    let mut kept = TriangleMesh {
-        vertices: mesh.vertices.clone(),
-        ..TriangleMesh::default()
-    };
+    let mut kept = TriangleMesh { vertices: mesh.vertices.clone(), ..TriangleMesh::default() };
     for (face, instance) in mesh.faces.iter().zip(&mesh.instances) {
         let [a, b, c] = face.map(|i| mesh.vertices[i as usize]);
         let area = (b - a).cross(&(c - a)).norm();
@@ -401,52 +341,4 @@ fn without(mesh: &TriangleMesh, ignored: &[InstanceId]) -> (TriangleMesh, Vec<In
     }
     let instances = std::mem::take(&mut kept.instances);
     (kept, instances)
-}
-
-/// Counts touches: a new touch of a thing is one collision, a touch that lasts or comes back within a moment is the same.
-#[derive(Debug, Clone, Default)]
-pub struct TouchCounter {
-    /// A thing that was left for at least this long is touched anew.
-    pub release_s: f64,
-    last: Vec<(InstanceId, i64)>,
-    touches: Vec<Contact>,
-}
-
-impl TouchCounter {
-    /// A counter; half a second is a usual `release_s`.
-    pub fn new(release_s: f64) -> Self {
-        TouchCounter {
-            release_s,
-            ..TouchCounter::default()
-        }
-    }
-
-    /// Takes the contacts of one step; returns how many new touches there are among them.
-    pub fn observe(&mut self, contacts: &[Contact]) -> usize {
-        let before = self.touches.len();
-        for contact in contacts {
-            match self
-                .last
-                .iter_mut()
-                .find(|(instance, _)| *instance == contact.instance)
-            {
-                Some((_, stamp_ns)) => {
-                    if (contact.stamp_ns - *stamp_ns) as f64 * 1e-9 >= self.release_s {
-                        self.touches.push(*contact);
-                    }
-                    *stamp_ns = contact.stamp_ns;
-                }
-                None => {
-                    self.last.push((contact.instance, contact.stamp_ns));
-                    self.touches.push(*contact);
-                }
-            }
-        }
-        self.touches.len() - before
-    }
-
-    /// The first contact of every touch so far, in time order.
-    pub fn touches(&self) -> &[Contact] {
-        &self.touches
-    }
 }

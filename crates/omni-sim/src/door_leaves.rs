@@ -14,10 +14,7 @@ use crate::shape::Placement;
 
 /// Some doorways have a leaf, opened flat against the wall beside them.
 pub fn hang_leaves(furnisher: &mut Furnisher, kind: RoomKind) {
-    if matches!(
-        kind,
-        RoomKind::Hallway | RoomKind::Corridor | RoomKind::Stairwell
-    ) {
+    if matches!(kind, RoomKind::Hallway | RoomKind::Corridor | RoomKind::Stairwell) {
         return; // leaves open into the rooms
     }
     let Some(leaf_class) = class("door") else {
@@ -28,26 +25,15 @@ pub fn hang_leaves(furnisher: &mut Furnisher, kind: RoomKind) {
             continue;
         }
         let along = Vector2::new(-inward.y, inward.x);
-        let color = leaf_class
-            .colors
-            .choose(furnisher.rng)
-            .copied()
-            .unwrap_or("white");
+        let color = leaf_class.colors.choose(furnisher.rng).copied().unwrap_or("white");
         let rgb = draw_color(furnisher.rng, color);
         let model = build(leaf_class.form, width, 0.04, 2.0, rgb);
-        let side = if furnisher.rng.random_bool(0.5) {
-            1.0
-        } else {
-            -1.0
-        };
+        let side = if furnisher.rng.random_bool(0.5) { 1.0 } else { -1.0 };
         for s in [side, -side] {
             // 3 cm clear of the wall and 6 cm clear of the jamb.
             let p = middle + along * s * (width + 0.06) + inward * 0.05;
             let origin = Point3::new(p.x, p.y, furnisher.space.floor_z_m + 0.01);
-            let placement = Placement {
-                origin,
-                yaw_rad: inward.y.atan2(inward.x),
-            };
+            let placement = Placement { origin, yaw_rad: inward.y.atan2(inward.x) };
             let bounds = model.bounds(&placement);
             // The wall behind the leaf must be whole.
             let foot = bounds.footprint();

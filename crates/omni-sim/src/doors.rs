@@ -57,26 +57,17 @@ pub fn draw_doors(rng: &mut impl Rng, plan: &StoreyPlan, min_door_m: f64) -> Opt
             };
             let joins = group[a] != group[b];
             // A door more than needed only where custom likes it.
-            let extra =
-                !joins && (4.0..9.0).contains(&custom) && turn == pass && rng.random_bool(0.3);
+            let extra = !joins && (4.0..9.0).contains(&custom) && turn == pass && rng.random_bool(0.3);
             let leaf_is_placed = pass == 1
-                && [a, b].iter().any(|&r| {
-                    is_private(r) && doors.iter().any(|d| d.rooms.0 == r || d.rooms.1 == r)
-                });
+                && [a, b].iter().any(|&r| is_private(r) && doors.iter().any(|d| d.rooms.0 == r || d.rooms.1 == r));
             if turn > pass || !((joins && !leaf_is_placed) || extra) {
                 continue;
             }
             let (ka, kb) = (plan.rooms[a].kind, plan.rooms[b].kind);
             if let Some(opening) = place(rng, &border, least, width_range(ka, kb), &doors) {
-                doors.push(PlanDoor {
-                    rooms: (a, b),
-                    opening,
-                });
+                doors.push(PlanDoor { rooms: (a, b), opening });
                 let (from, to) = (group[a], group[b]);
-                group
-                    .iter_mut()
-                    .filter(|g| **g == from)
-                    .for_each(|g| *g = to);
+                group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
             }
         }
     }
@@ -86,30 +77,21 @@ pub fn draw_doors(rng: &mut impl Rng, plan: &StoreyPlan, min_door_m: f64) -> Opt
 
 /// Rooms nobody should have to walk through.
 fn is_private(kind: RoomKind) -> bool {
-    matches!(
-        kind,
-        RoomKind::Bathroom | RoomKind::Restroom | RoomKind::StorageRoom | RoomKind::LaundryRoom
-    )
+    matches!(kind, RoomKind::Bathroom | RoomKind::Restroom | RoomKind::StorageRoom | RoomKind::LaundryRoom)
 }
 
 /// True if the only way between two other rooms leads through a bathroom, a storage room or the like.
 pub fn leads_through_private_rooms(plan: &StoreyPlan, doors: &[PlanDoor]) -> bool {
-    (0..plan.rooms.len())
-        .filter(|&i| is_private(plan.rooms[i].kind))
-        .any(|hidden| {
-            let start = usize::from(hidden == 0);
-            let mut known = vec![false; plan.rooms.len()];
-            known[start] = true;
-            let open = |d: &&PlanDoor| d.rooms.0 != hidden && d.rooms.1 != hidden;
-            while let Some(d) = doors
-                .iter()
-                .filter(open)
-                .find(|d| known[d.rooms.0] != known[d.rooms.1])
-            {
-                (known[d.rooms.0], known[d.rooms.1]) = (true, true);
-            }
-            (0..known.len()).any(|i| i != hidden && !known[i])
-        })
+    (0..plan.rooms.len()).filter(|&i| is_private(plan.rooms[i].kind)).any(|hidden| {
+        let start = usize::from(hidden == 0);
+        let mut known = vec![false; plan.rooms.len()];
+        known[start] = true;
+        let open = |d: &&PlanDoor| d.rooms.0 != hidden && d.rooms.1 != hidden;
+        while let Some(d) = doors.iter().filter(open).find(|d| known[d.rooms.0] != known[d.rooms.1]) {
+            (known[d.rooms.0], known[d.rooms.1]) = (true, true);
+        }
+        (0..known.len()).any(|i| i != hidden && !known[i])
+    })
 }
 
 /// How natural a doorway between two kinds of rooms is.
@@ -137,12 +119,8 @@ fn custom(a: RoomKind, b: RoomKind) -> f64 {
 /// Widest and narrowest usual doorway, plan units.
 fn width_range(a: RoomKind, b: RoomKind) -> (i32, i32) {
     use RoomKind::*;
-    let public = |k: RoomKind| {
-        matches!(
-            k,
-            Hallway | Corridor | LivingRoom | Lounge | Reception | DiningRoom | Stairwell
-        )
-    };
+    let public =
+        |k: RoomKind| matches!(k, Hallway | Corridor | LivingRoom | Lounge | Reception | DiningRoom | Stairwell);
     match (public(a), public(b)) {
         (true, true) => (24, 28),
         _ => (20, 23),
@@ -151,18 +129,9 @@ fn width_range(a: RoomKind, b: RoomKind) -> (i32, i32) {
 
 /// A place for the opening in the border, clear of the other openings of the same wall: mostly near one end, as builders
 /// like it, because that leaves a long wall for furniture.
-fn place(
-    rng: &mut impl Rng,
-    border: &Border,
-    least: i32,
-    usual: (i32, i32),
-    others: &[PlanDoor],
-) -> Option<Border> {
+fn place(rng: &mut impl Rng, border: &Border, least: i32, usual: (i32, i32), others: &[PlanDoor]) -> Option<Border> {
     let room = border.to - border.from - 2 * JAMB;
-    let width = rng
-        .random_range(usual.0..=usual.1)
-        .max(least)
-        .min(room.max(least));
+    let width = rng.random_range(usual.0..=usual.1).max(least).min(room.max(least));
     let slack = room - width;
     if slack < 0 {
         return None;
@@ -176,11 +145,7 @@ fn place(
             _ => rng.random_range(0..=slack),
         };
         let from = border.from + JAMB + offset;
-        let opening = Border {
-            from,
-            to: from + width,
-            ..*border
-        };
+        let opening = Border { from, to: from + width, ..*border };
         let clashes = others.iter().any(|d| {
             let o = &d.opening;
             o.vertical == opening.vertical
@@ -197,12 +162,8 @@ fn place(
 
 /// The longest straight piece of wall between two rooms.
 fn longest_border(plan: &StoreyPlan, a: usize, b: usize) -> Option<Border> {
-    let pieces = plan.rooms[a].parts.iter().flat_map(|p| {
-        plan.rooms[b]
-            .parts
-            .iter()
-            .filter_map(|q| shared_border(p, q))
-    });
+    let pieces =
+        plan.rooms[a].parts.iter().flat_map(|p| plan.rooms[b].parts.iter().filter_map(|q| shared_border(p, q)));
     let a_is_stairs = plan.rooms[a].kind == RoomKind::Stairwell;
     let b_is_stairs = plan.rooms[b].kind == RoomKind::Stairwell;
     if (a_is_stairs || b_is_stairs) && custom(plan.rooms[a].kind, plan.rooms[b].kind) < 9.0 {
@@ -219,32 +180,17 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     fn three_in_a_row() -> StoreyPlan {
-        let room = |kind, x| PlanRoom {
-            kind,
-            parts: vec![Cells::new(x, 0, x + 80, 80)],
-        };
+        let room = |kind, x| PlanRoom { kind, parts: vec![Cells::new(x, 0, x + 80, 80)] };
         StoreyPlan {
-            rooms: vec![
-                room(RoomKind::Bedroom, 0),
-                room(RoomKind::LivingRoom, 80),
-                room(RoomKind::Bathroom, 160),
-            ],
+            rooms: vec![room(RoomKind::Bedroom, 0), room(RoomKind::LivingRoom, 80), room(RoomKind::Bathroom, 160)],
         }
     }
 
     #[test]
     fn three_rooms_in_a_row_get_two_doors() {
-        let doors = draw_doors(&mut ChaCha8Rng::seed_from_u64(3), &three_in_a_row(), 1.0)
-            .expect("walls are 4 m long");
-        assert_eq!(
-            doors.iter().map(|d| d.rooms).collect::<Vec<_>>(),
-            [(0, 1), (1, 2)]
-        );
-        assert!(
-            doors
-                .iter()
-                .all(|d| d.width_m() >= 1.0 && d.width_m() <= 1.4 + 1e-9)
-        );
+        let doors = draw_doors(&mut ChaCha8Rng::seed_from_u64(3), &three_in_a_row(), 1.0).expect("walls are 4 m long");
+        assert_eq!(doors.iter().map(|d| d.rooms).collect::<Vec<_>>(), [(0, 1), (1, 2)]);
+        assert!(doors.iter().all(|d| d.width_m() >= 1.0 && d.width_m() <= 1.4 + 1e-9));
     }
 
     #[test]

@@ -14,10 +14,7 @@ pub struct EncoderConfig {
 
 impl Default for EncoderConfig {
     fn default() -> Self {
-        EncoderConfig {
-            rate_hz: 500.0,
-            lines: 16_384,
-        }
+        EncoderConfig { rate_hz: 500.0, lines: 16_384 }
     }
 }
 
@@ -31,11 +28,7 @@ pub struct EncoderRecord {
 }
 
 /// What the encoder reads at `stamp_ns`: the nearest line.
-pub fn encoder_sample(
-    mount: &RotatingMount,
-    config: &EncoderConfig,
-    stamp_ns: i64,
-) -> EncoderRecord {
+pub fn encoder_sample(mount: &RotatingMount, config: &EncoderConfig, stamp_ns: i64) -> EncoderRecord {
     let angle_rad = mount.angle_rad(stamp_ns);
     let lines = f64::from(config.lines);
     EncoderRecord {
@@ -56,17 +49,11 @@ mod tests {
     #[test]
     fn reads_the_nearest_line() {
         let mount = RotatingMount::rotating(Isometry3::identity());
-        let config = EncoderConfig {
-            lines: 4,
-            ..EncoderConfig::default()
-        };
+        let config = EncoderConfig { lines: 4, ..EncoderConfig::default() };
         // 0.3 s at half a turn a second: 54 degrees, nearest quarter turn 90 degrees.
         let read = encoder_sample(&mount, &config, 300_000_000).angle_rad;
         assert!((read - TAU / 4.0).abs() < 1e-12);
         // Just before a full turn the nearest line is line 0.
-        assert_eq!(
-            encoder_sample(&mount, &config, 1_999_000_000).angle_rad,
-            0.0
-        );
+        assert_eq!(encoder_sample(&mount, &config, 1_999_000_000).angle_rad, 0.0);
     }
 }

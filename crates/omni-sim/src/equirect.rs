@@ -43,8 +43,7 @@ impl Equirect {
         let theta = direction.y.atan2(direction.x);
         let phi = direction.z.atan2(direction.x.hypot(direction.y));
         let u = f64::from(self.width) / 2.0 * (1.0 - theta / PI);
-        let v = f64::from(self.height) * (self.phi_top_rad - phi)
-            / (self.phi_top_rad - self.phi_bottom_rad);
+        let v = f64::from(self.height) * (self.phi_top_rad - phi) / (self.phi_top_rad - self.phi_bottom_rad);
         (u.rem_euclid(f64::from(self.width)), v)
     }
 }
@@ -55,12 +54,7 @@ mod tests {
 
     #[test]
     fn left_of_the_robot_is_left_in_the_picture() {
-        let view = Equirect {
-            width: 1920,
-            height: 640,
-            phi_top_rad: PI / 3.0,
-            phi_bottom_rad: -PI / 3.0,
-        };
+        let view = Equirect { width: 1920, height: 640, phi_top_rad: PI / 3.0, phi_bottom_rad: -PI / 3.0 };
         assert_eq!(view.pixel(&Vector3::x()), (960.0, 320.0));
         let (u, v) = view.pixel(&Vector3::new(0.0, 1.0, 1.0));
         assert!((u - 480.0).abs() < 1e-9 && (v - 80.0).abs() < 1e-9); // 45 degrees up: 15 of 120 from the top

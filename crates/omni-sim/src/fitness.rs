@@ -40,11 +40,7 @@ pub fn neighbour_bonus(rooms: &[PlanRoom]) -> f64 {
                 (Bedroom, Bathroom) => 0.08,
                 _ => 0.0,
             };
-            if value > 0.0
-                && a.parts
-                    .iter()
-                    .any(|p| b.parts.iter().any(|q| shared_border(p, q).is_some()))
-            {
+            if value > 0.0 && a.parts.iter().any(|p| b.parts.iter().any(|q| shared_border(p, q).is_some())) {
                 bonus += value;
             }
         }

@@ -92,19 +92,10 @@ pub struct StoreyPlan {
 }
 
 /// Plans for all storeys: same outline, stairwell in the same place. `None` if nothing acceptable was drawn.
-pub fn draw_plans(
-    rng: &mut impl Rng,
-    style: Style,
-    rooms: usize,
-    storeys: usize,
-) -> Option<Vec<StoreyPlan>> {
+pub fn draw_plans(rng: &mut impl Rng, style: Style, rooms: usize, storeys: usize) -> Option<Vec<StoreyPlan>> {
     if storeys == 1 {
         let with_spine = rooms >= 5 || (rooms == 4 && rng.random_bool(0.4));
-        let plan = if with_spine {
-            draw_spine(rng, style, &[rooms])?.remove(0)
-        } else {
-            draw_open(rng, style, rooms)?
-        };
+        let plan = if with_spine { draw_spine(rng, style, &[rooms])?.remove(0) } else { draw_open(rng, style, rooms)? };
         return Some(turned(rng, vec![plan]));
     }
     let upper = rooms / 2;
@@ -124,29 +115,18 @@ fn draw_spine(rng: &mut impl Rng, style: Style, rooms: &[usize]) -> Option<Vec<S
         }
         let corridors = corridor_count(rng, most);
         let stairs = usize::from(with_stairs);
-        let wishes: Vec<Vec<RoomWish>> = rooms
-            .iter()
-            .enumerate()
-            .map(|(s, &n)| program(rng, style, s as u32, n - corridors - stairs))
-            .collect();
-        let mean_area = wishes
-            .iter()
-            .map(|w| w.iter().map(|x| x.area_m2).sum::<f64>())
-            .sum::<f64>()
+        let wishes: Vec<Vec<RoomWish>> =
+            rooms.iter().enumerate().map(|(s, &n)| program(rng, style, s as u32, n - corridors - stairs)).collect();
+        let mean_area = wishes.iter().map(|w| w.iter().map(|x| x.area_m2).sum::<f64>()).sum::<f64>()
             / rooms.len() as f64
-            + if with_stairs {
-                wish(rng, RoomKind::Stairwell).area_m2
-            } else {
-                0.0
-            };
+            + if with_stairs { wish(rng, RoomKind::Stairwell).area_m2 } else { 0.0 };
         let Some(skeleton) = draw_skeleton(rng, corridors, mean_area, with_stairs) else {
             continue;
         };
         let mut cost = 0.0;
         let mut plans = Vec::new();
         for wish in &wishes {
-            let Some((c, plan)) = fill_skeleton(rng, style, &skeleton, wish.clone(), with_stairs)
-            else {
+            let Some((c, plan)) = fill_skeleton(rng, style, &skeleton, wish.clone(), with_stairs) else {
                 break;
             };
             cost += c;
@@ -182,38 +162,21 @@ fn fill_skeleton(
     mut wishes: Vec<RoomWish>,
     with_stairs: bool,
 ) -> Option<(f64, StoreyPlan)> {
-    let corridor_kind = if style == Style::Flat {
-        RoomKind::Hallway
-    } else {
-        RoomKind::Corridor
-    };
-    let mut rooms: Vec<PlanRoom> = skeleton
-        .corridors
-        .iter()
-        .map(|c| PlanRoom {
-            kind: corridor_kind,
-            parts: vec![*c],
-        })
-        .collect();
+    let corridor_kind = if style == Style::Flat { RoomKind::Hallway } else { RoomKind::Corridor };
+    let mut rooms: Vec<PlanRoom> =
+        skeleton.corridors.iter().map(|c| PlanRoom { kind: corridor_kind, parts: vec![*c] }).collect();
     let mut cost = 0.0;
     wishes.shuffle(rng);
     if let Some(end) = skeleton.end_room {
-        let largest =
-            (0..wishes.len()).max_by(|&a, &b| wishes[a].area_m2.total_cmp(&wishes[b].area_m2))?;
+        let largest = (0..wishes.len()).max_by(|&a, &b| wishes[a].area_m2.total_cmp(&wishes[b].area_m2))?;
         let room = wishes.remove(largest);
         cost += room_cost(&room, &[end])?;
-        rooms.push(PlanRoom {
-            kind: room.kind,
-            parts: vec![end],
-        });
+        rooms.push(PlanRoom { kind: room.kind, parts: vec![end] });
     }
     let mut strips = skeleton.strips.clone();
     if with_stairs {
         let stairs = strips[0].take_front(STAIRWELL_WIDTH)?;
-        rooms.push(PlanRoom {
-            kind: RoomKind::Stairwell,
-            parts: vec![stairs],
-        });
+        rooms.push(PlanRoom { kind: RoomKind::Stairwell, parts: vec![stairs] });
     }
     let total_wished: f64 = wishes.iter().map(|w| w.area_m2).sum();
     let total_strip: f64 = strips.iter().map(|s| s.area().area_m2()).sum();
@@ -244,11 +207,7 @@ fn fill_skeleton(
 }
 
 /// The best of several orders of the rooms along a strip.
-fn fill_strip_well(
-    rng: &mut impl Rng,
-    strip: &Strip,
-    wishes: &[RoomWish],
-) -> Option<(f64, Vec<PlanRoom>)> {
+fn fill_strip_well(rng: &mut impl Rng, strip: &Strip, wishes: &[RoomWish]) -> Option<(f64, Vec<PlanRoom>)> {
     let mut order = wishes.to_vec();
     let mut best: Option<(f64, Vec<PlanRoom>)> = None;
     for _ in 0..STRIP_ORDERS {
@@ -264,21 +223,15 @@ fn fill_strip_well(
 }
 
 /// Cuts one strip into slots: a room each, or a small room in the corner of a larger one.
-fn fill_strip(
-    rng: &mut impl Rng,
-    strip: &Strip,
-    wishes: &[RoomWish],
-    rooms: &mut Vec<PlanRoom>,
-) -> Option<f64> {
+fn fill_strip(rng: &mut impl Rng, strip: &Strip, wishes: &[RoomWish], rooms: &mut Vec<PlanRoom>) -> Option<f64> {
     if wishes.is_empty() {
         return None;
     }
     let mut slots: Vec<&[RoomWish]> = Vec::new();
     let mut i = 0;
     while i < wishes.len() {
-        let pair = i + 1 < wishes.len()
-            && is_small(wishes[i].kind) != is_small(wishes[i + 1].kind)
-            && strip.depth() >= 80;
+        let pair =
+            i + 1 < wishes.len() && is_small(wishes[i].kind) != is_small(wishes[i + 1].kind) && strip.depth() >= 80;
         let width = if pair && rng.random_bool(0.75) { 2 } else { 1 };
         slots.push(&wishes[i..i + width]);
         i += width;
@@ -290,16 +243,12 @@ fn fill_strip(
     let mut done = 0.0;
     for slot in &slots {
         done += slot.iter().map(|w| w.area_m2).sum::<f64>();
-        let end = ((f64::from(length) * done / total / f64::from(STEP)).round() as i32 * STEP)
-            .min(length);
+        let end = ((f64::from(length) * done / total / f64::from(STEP)).round() as i32 * STEP).min(length);
         match slot {
             [one] => {
                 let cells = strip.cells(at, end, 0, strip.depth());
                 cost += room_cost(one, &[cells])?;
-                rooms.push(PlanRoom {
-                    kind: one.kind,
-                    parts: vec![cells],
-                });
+                rooms.push(PlanRoom { kind: one.kind, parts: vec![cells] });
             }
             [a, b] => {
                 let (small, big) = if is_small(a.kind) { (a, b) } else { (b, a) };
@@ -311,35 +260,20 @@ fn fill_strip(
                 }
                 let small_depth = rng.random_range(22..=(deepest / STEP).min(34)) * STEP;
                 let share = small.area_m2 / (small.area_m2 + big.area_m2);
-                let wanted =
-                    share * f64::from(end - at) * f64::from(depth) / f64::from(small_depth);
+                let wanted = share * f64::from(end - at) * f64::from(depth) / f64::from(small_depth);
                 let small_width = (wanted / f64::from(STEP)).round() as i32 * STEP;
                 if small_width < 44 || end - at - small_width < 50 {
                     return None;
                 }
                 let small_first = rng.random_bool(0.5);
-                let cut = if small_first {
-                    at + small_width
-                } else {
-                    end - small_width
-                };
-                let (s0, s1, b0, b1) = if small_first {
-                    (at, cut, cut, end)
-                } else {
-                    (cut, end, at, cut)
-                };
+                let cut = if small_first { at + small_width } else { end - small_width };
+                let (s0, s1, b0, b1) = if small_first { (at, cut, cut, end) } else { (cut, end, at, cut) };
                 let small_cells = strip.cells(s0, s1, 0, small_depth);
                 let main = strip.cells(b0, b1, 0, depth);
                 let behind = strip.cells(s0, s1, small_depth, depth);
                 cost += room_cost(small, &[small_cells])? + room_cost(big, &[main, behind])? - 0.06;
-                rooms.push(PlanRoom {
-                    kind: small.kind,
-                    parts: vec![small_cells],
-                });
-                rooms.push(PlanRoom {
-                    kind: big.kind,
-                    parts: vec![main, behind],
-                });
+                rooms.push(PlanRoom { kind: small.kind, parts: vec![small_cells] });
+                rooms.push(PlanRoom { kind: big.kind, parts: vec![main, behind] });
             }
             _ => return None,
         }
@@ -357,12 +291,7 @@ fn draw_open(rng: &mut impl Rng, style: Style, rooms: usize) -> Option<StoreyPla
         let area: f64 = wishes.iter().map(|w| w.area_m2).sum();
         let aspect: f64 = rng.random_range(0.6..1.7);
         let snap = |metres: f64| (metres / UNIT_M / f64::from(STEP)).round() as i32 * STEP;
-        let outline = Cells::new(
-            0,
-            0,
-            snap((area * aspect).sqrt()),
-            snap((area / aspect).sqrt()),
-        );
+        let outline = Cells::new(0, 0, snap((area * aspect).sqrt()), snap((area / aspect).sqrt()));
         let mut plan = StoreyPlan { rooms: Vec::new() };
         let Some(mut cost) = split_open(rng, outline, &wishes, &mut plan.rooms) else {
             continue;
@@ -376,28 +305,16 @@ fn draw_open(rng: &mut impl Rng, style: Style, rooms: usize) -> Option<StoreyPla
 }
 
 /// One cut of [`draw_open`]: the longer side is divided in proportion to the areas of the two halves of the list.
-fn split_open(
-    rng: &mut impl Rng,
-    area: Cells,
-    wishes: &[RoomWish],
-    rooms: &mut Vec<PlanRoom>,
-) -> Option<f64> {
+fn split_open(rng: &mut impl Rng, area: Cells, wishes: &[RoomWish], rooms: &mut Vec<PlanRoom>) -> Option<f64> {
     if let [one] = wishes {
-        rooms.push(PlanRoom {
-            kind: one.kind,
-            parts: vec![area],
-        });
+        rooms.push(PlanRoom { kind: one.kind, parts: vec![area] });
         return room_cost(one, &[area]);
     }
     let cut = rng.random_range(1..wishes.len());
     let sum = |w: &[RoomWish]| w.iter().map(|x| x.area_m2).sum::<f64>();
     let share = sum(&wishes[..cut]) / sum(wishes);
     let along_x = area.x1 - area.x0 >= area.y1 - area.y0;
-    let (low, high) = if along_x {
-        (area.x0, area.x1)
-    } else {
-        (area.y0, area.y1)
-    };
+    let (low, high) = if along_x { (area.x0, area.x1) } else { (area.y0, area.y1) };
     let at = low + (f64::from(high - low) * share / f64::from(STEP)).round() as i32 * STEP;
     let (mut a, mut b) = (area, area);
     if along_x {
@@ -427,21 +344,11 @@ pub fn shared_border(a: &Cells, b: &Cells) -> Option<Border> {
     let (x0, x1) = (a.x0.max(b.x0), a.x1.min(b.x1));
     if y1 > y0 && (a.x1 == b.x0 || b.x1 == a.x0) {
         let line = if a.x1 == b.x0 { a.x1 } else { a.x0 };
-        return Some(Border {
-            vertical: true,
-            line,
-            from: y0,
-            to: y1,
-        });
+        return Some(Border { vertical: true, line, from: y0, to: y1 });
     }
     if x1 > x0 && (a.y1 == b.y0 || b.y1 == a.y0) {
         let line = if a.y1 == b.y0 { a.y1 } else { a.y0 };
-        return Some(Border {
-            vertical: false,
-            line,
-            from: x0,
-            to: x1,
-        });
+        return Some(Border { vertical: false, line, from: x0, to: x1 });
     }
     None
 }
@@ -457,29 +364,16 @@ fn turned(rng: &mut impl Rng, mut plans: Vec<StoreyPlan>) -> Vec<StoreyPlan> {
         if flip_y {
             (c.y0, c.y1) = (-c.y1, -c.y0);
         }
-        if swap {
-            Cells::new(c.y0, c.x0, c.y1, c.x1)
-        } else {
-            c
-        }
+        if swap { Cells::new(c.y0, c.x0, c.y1, c.x1) } else { c }
     };
     let parts = |plans: &mut Vec<StoreyPlan>, f: &dyn Fn(&Cells) -> Cells| {
-        for part in plans
-            .iter_mut()
-            .flat_map(|p| p.rooms.iter_mut())
-            .flat_map(|r| r.parts.iter_mut())
-        {
+        for part in plans.iter_mut().flat_map(|p| p.rooms.iter_mut()).flat_map(|r| r.parts.iter_mut()) {
             *part = f(part);
         }
     };
     parts(&mut plans, &map);
     let all = || plans.iter().flat_map(|p| &p.rooms).flat_map(|r| &r.parts);
-    let (left, low) = (
-        all().map(|c| c.x0).min().unwrap_or(0),
-        all().map(|c| c.y0).min().unwrap_or(0),
-    );
-    parts(&mut plans, &|c| {
-        Cells::new(c.x0 - left, c.y0 - low, c.x1 - left, c.y1 - low)
-    });
+    let (left, low) = (all().map(|c| c.x0).min().unwrap_or(0), all().map(|c| c.y0).min().unwrap_or(0));
+    parts(&mut plans, &|c| Cells::new(c.x0 - left, c.y0 - low, c.x1 - left, c.y1 - low));
     plans
 }

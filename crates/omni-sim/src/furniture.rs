@@ -19,43 +19,19 @@ pub struct Line {
 }
 
 const fn one(class: &'static str, chance: f64, place: Place) -> Line {
-    Line {
-        class,
-        count: (1, 1),
-        chance,
-        place,
-        with: &[],
-    }
+    Line { class, count: (1, 1), chance, place, with: &[] }
 }
 
 const fn some(class: &'static str, count: (u32, u32), chance: f64, place: Place) -> Line {
-    Line {
-        class,
-        count,
-        chance,
-        place,
-        with: &[],
-    }
+    Line { class, count, chance, place, with: &[] }
 }
 
 const fn set(class: &'static str, chance: f64, place: Place, with: &'static [Line]) -> Line {
-    Line {
-        class,
-        count: (1, 1),
-        chance,
-        place,
-        with,
-    }
+    Line { class, count: (1, 1), chance, place, with }
 }
 
 const fn sets(class: &'static str, count: (u32, u32), place: Place, with: &'static [Line]) -> Line {
-    Line {
-        class,
-        count,
-        chance: 1.0,
-        place,
-        with,
-    }
+    Line { class, count, chance: 1.0, place, with }
 }
 
 /// Furnishes one room by its recipe.
@@ -80,13 +56,7 @@ fn follow(furnisher: &mut Furnisher, lines: &[Line], parent: Option<usize>) {
 
 use Place::*;
 
-const WINDOWS: &[Line] = &[Line {
-    class: "window",
-    count: (1, 2),
-    chance: 0.9,
-    place: OuterWall,
-    with: RADIATOR,
-}];
+const WINDOWS: &[Line] = &[Line { class: "window", count: (1, 2), chance: 0.9, place: OuterWall, with: RADIATOR }];
 const RADIATOR: &[Line] = &[one("radiator", 0.45, Below)];
 const ONE_WINDOW: &[Line] = &[one("window", 0.6, OuterWall)];
 
@@ -99,20 +69,14 @@ fn daylight(kind: RoomKind) -> &'static [Line] {
     }
 }
 
-const DESK_SET: &[Line] = &[
-    one("office chair", 1.0, InFront(0.05)),
-    one("trash bin", 0.45, Beside),
-];
+const DESK_SET: &[Line] = &[one("office chair", 1.0, InFront(0.05)), one("trash bin", 0.45, Beside)];
 const SOFA_SET: &[Line] = &[
     one("tv stand", 0.9, Opposite),
     one("coffee table", 0.85, InFront(0.38)),
     one("side table", 0.5, Beside),
     one("floor lamp", 0.5, Beside),
 ];
-const LOUNGE_SET: &[Line] = &[
-    one("coffee table", 0.9, InFront(0.38)),
-    one("floor lamp", 0.5, Beside),
-];
+const LOUNGE_SET: &[Line] = &[one("coffee table", 0.9, InFront(0.38)), one("floor lamp", 0.5, Beside)];
 const COFFEE_TABLE: &[Line] = &[one("coffee table", 0.7, InFront(0.38))];
 const CHAIRS_4: &[Line] = &[some("chair", (2, 4), 1.0, Around)];
 const CHAIRS_6: &[Line] = &[some("chair", (4, 6), 0.9, Around)];
@@ -120,10 +84,7 @@ const CHAIRS_8: &[Line] = &[some("chair", (4, 8), 0.95, Around)];
 const MEETING_CHAIRS: &[Line] = &[some("office chair", (4, 8), 0.95, Around)];
 const NIGHTSTANDS: &[Line] = &[some("nightstand", (1, 2), 0.95, Beside)];
 const LAB_STOOL: &[Line] = &[one("stool", 0.8, InFront(0.06))];
-const LAMP_OR_PLANT: &[Line] = &[
-    one("side table", 0.35, Beside),
-    one("floor lamp", 0.4, Beside),
-];
+const LAMP_OR_PLANT: &[Line] = &[one("side table", 0.35, Beside), one("floor lamp", 0.4, Beside)];
 
 /// Without these a room does not deserve its name.
 pub fn essentials(kind: RoomKind) -> &'static [&'static str] {
@@ -332,13 +293,7 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
         K::Lab => {
             const {
                 &[
-                    Line {
-                        class: "workbench",
-                        count: (2, 4),
-                        chance: 1.0,
-                        place: WallMiddle,
-                        with: LAB_STOOL,
-                    },
+                    Line { class: "workbench", count: (2, 4), chance: 1.0, place: WallMiddle, with: LAB_STOOL },
                     one("sink", 0.7, WallCorner),
                     some("cabinet", (1, 2), 0.8, WallCorner),
                     one("storage rack", 0.6, WallCorner),
@@ -424,13 +379,6 @@ fn recipe(kind: RoomKind) -> &'static [Line] {
                 ]
             }
         }
-        K::Stairwell => {
-            const {
-                &[
-                    one("fire extinguisher", 0.5, WallCorner),
-                    one("picture", 0.6, Hung),
-                ]
-            }
-        }
+        K::Stairwell => const { &[one("fire extinguisher", 0.5, WallCorner), one("picture", 0.6, Hung)] },
     }
 }

@@ -34,38 +34,19 @@ pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
     config.validate()?;
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     for attempt in 0..PLAN_ATTEMPTS {
-        let Some(plans) = draw_plans(
-            &mut rng,
-            config.style,
-            config.rooms as usize,
-            config.storeys as usize,
-        ) else {
+        let Some(plans) = draw_plans(&mut rng, config.style, config.rooms as usize, config.storeys as usize) else {
             continue;
         };
-        let doors: Option<Vec<Vec<PlanDoor>>> = plans
-            .iter()
-            .map(|p| draw_doors(&mut rng, p, config.min_door_m))
-            .collect();
+        let doors: Option<Vec<Vec<PlanDoor>>> =
+            plans.iter().map(|p| draw_doors(&mut rng, p, config.min_door_m)).collect();
         let Some(doors) = doors else { continue };
         // Nobody likes to reach the bedroom through the bathroom, but it is better than no building.
-        let is_awkward = plans
-            .iter()
-            .zip(&doors)
-            .any(|(p, d)| leads_through_private_rooms(p, d));
+        let is_awkward = plans.iter().zip(&doors).any(|(p, d)| leads_through_private_rooms(p, d));
         if !is_awkward || attempt >= PLAN_ATTEMPTS / 2 {
-            return Ok(raise(
-                &plans,
-                &doors,
-                config.seed,
-                config.passage_m,
-                Furnishing::Full,
-            ));
+            return Ok(raise(&plans, &doors, config.seed, config.passage_m, Furnishing::Full));
         }
     }
-    Err(SceneError::NoPlan {
-        seed: config.seed,
-        rooms: config.rooms,
-    })
+    Err(SceneError::NoPlan { seed: config.seed, rooms: config.rooms })
 }
 
 impl BuildingConfig {
@@ -113,11 +94,7 @@ pub(crate) fn raise(
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1);
     let thickness_m = *[0.10, 0.11, 0.12].choose(&mut rng).unwrap_or(&0.12);
-    let shaft = if plans.len() > 1 {
-        stair_shaft(&plans[0], &doors[0], thickness_m)
-    } else {
-        None
-    };
+    let shaft = if plans.len() > 1 { stair_shaft(&plans[0], &doors[0], thickness_m) } else { None };
     let hole = shaft.map(|s| s.hole);
     let mut building = Building {
         rooms: Vec::new(),
@@ -131,22 +108,13 @@ pub(crate) fn raise(
         let floor_z_m = STOREY_M * storey as f64;
         let walls = StoreyWalls::new(plan, plan_doors, thickness_m, floor_z_m, hole);
         let first_room = building.rooms.len() as u32;
-        let finishes: Vec<Finish> = plan
-            .rooms
-            .iter()
-            .map(|r| finish(&mut rng, r.kind))
-            .collect();
-        let (below, above) = (
-            hole.filter(|_| storey > 0),
-            hole.filter(|_| storey + 1 < plans.len()),
-        );
+        let finishes: Vec<Finish> = plan.rooms.iter().map(|r| finish(&mut rng, r.kind)).collect();
+        let (below, above) = (hole.filter(|_| storey > 0), hole.filter(|_| storey + 1 < plans.len()));
         walls.push_inside(&mut building.mesh, &finishes, below, above);
         if storey == 0 {
             walls.push_shell(&mut building.mesh, -0.1, top_z + 0.1);
         }
-        building
-            .doors
-            .extend(walls.door_truths(plan_doors, first_room));
+        building.doors.extend(walls.door_truths(plan_doors, first_room));
         for (index, room) in plan.rooms.iter().enumerate() {
             building.rooms.push(RoomTruth {
                 id: first_room + index as u32,
@@ -196,12 +164,7 @@ pub(crate) fn raise(
 }
 
 /// The best of a few attempts: one that has all essentials of the room's kind, then the richest.
-fn furnish_room(
-    rng: &mut ChaCha8Rng,
-    space: &RoomSpace,
-    kind: RoomKind,
-    is_entrance: bool,
-) -> Vec<Item> {
+fn furnish_room(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_entrance: bool) -> Vec<Item> {
     let mut best: Option<(usize, Vec<Item>)> = None;
     let wanted = essentials(kind);
     for attempt in 0..ROOM_ATTEMPTS_MAX {
@@ -209,17 +172,12 @@ fn furnish_room(
         let has = |name: &&&str| items.iter().any(|i| i.class.name == **name);
         let present = wanted.iter().filter(has).count();
         // A desk or a table wants its chairs more than a room wants another picture.
-        let seats = items
-            .iter()
-            .filter(|i| i.class.name.ends_with("chair"))
-            .count();
+        let seats = items.iter().filter(|i| i.class.name.ends_with("chair")).count();
         let score = 1000 * present + items.len() + 2 * seats;
         if best.as_ref().is_none_or(|(b, _)| score > *b) {
             best = Some((score, items));
         }
-        let is_complete = best
-            .as_ref()
-            .is_some_and(|(b, _)| *b >= 1000 * wanted.len());
+        let is_complete = best.as_ref().is_some_and(|(b, _)| *b >= 1000 * wanted.len());
         if is_complete && attempt + 1 >= ROOM_ATTEMPTS {
             break;
         }
@@ -228,12 +186,7 @@ fn furnish_room(
 }
 
 /// Entrance and door leaves first, then furniture, small things; what no robot could look at is taken out again.
-fn try_furnishing(
-    rng: &mut ChaCha8Rng,
-    space: &RoomSpace,
-    kind: RoomKind,
-    is_entrance: bool,
-) -> Vec<Item> {
+fn try_furnishing(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_entrance: bool) -> Vec<Item> {
     let mut furnisher = Furnisher::new(rng, space);
     if is_entrance {
         furnisher.put_entrance();
@@ -247,13 +200,10 @@ fn try_furnishing(
     let items = furnisher.items;
     let mut keep = vec![true; items.len()];
     for (i, item) in items.iter().enumerate() {
-        let others: Vec<_> = (0..items.len())
-            .filter(|&k| k != i)
-            .map(|k| items[k].parts.as_slice())
-            .collect();
+        let others: Vec<_> = (0..items.len()).filter(|&k| k != i).map(|k| items[k].parts.as_slice()).collect();
         // Supports come before what they carry, so one pass is enough.
-        keep[i] = item.support.is_none_or(|s| keep[s])
-            && is_viewable(&item.bounds, &item.parts, &others, space, &reach);
+        keep[i] =
+            item.support.is_none_or(|s| keep[s]) && is_viewable(&item.bounds, &item.parts, &others, space, &reach);
     }
     let mut new_index = vec![0; items.len()];
     let mut count = 0;
@@ -261,11 +211,7 @@ fn try_furnishing(
         new_index[i] = count;
         count += usize::from(*k);
     }
-    let kept = items
-        .into_iter()
-        .zip(&keep)
-        .filter(|(_, k)| **k)
-        .map(|(i, _)| i);
+    let kept = items.into_iter().zip(&keep).filter(|(_, k)| **k).map(|(i, _)| i);
     kept.map(|mut i| {
         i.support = i.support.map(|s| new_index[s]);
         i
@@ -276,15 +222,10 @@ fn try_furnishing(
 /// The room one enters first: hallway or corridor, else reception, living room or the first room.
 fn entrance_room(plan: &StoreyPlan) -> usize {
     let first = |kind: RoomKind| plan.rooms.iter().position(|r| r.kind == kind);
-    [
-        RoomKind::Hallway,
-        RoomKind::Corridor,
-        RoomKind::Reception,
-        RoomKind::LivingRoom,
-    ]
-    .into_iter()
-    .find_map(first)
-    .unwrap_or(0)
+    [RoomKind::Hallway, RoomKind::Corridor, RoomKind::Reception, RoomKind::LivingRoom]
+        .into_iter()
+        .find_map(first)
+        .unwrap_or(0)
 }
 
 /// Doorways of a room: middle at the wall's surface, direction into the room, width.
@@ -298,22 +239,10 @@ fn door_fronts(
         .zip(&walls.openings)
         .filter(|(d, _)| d.rooms.0 == room || d.rooms.1 == room)
         .map(|(d, r)| {
-            let axis = if d.opening.vertical {
-                Vector2::new(1.0, 0.0)
-            } else {
-                Vector2::new(0.0, 1.0)
-            };
-            let half = if d.opening.vertical {
-                r.width_m()
-            } else {
-                r.height_m()
-            } / 2.0;
+            let axis = if d.opening.vertical { Vector2::new(1.0, 0.0) } else { Vector2::new(0.0, 1.0) };
+            let half = if d.opening.vertical { r.width_m() } else { r.height_m() } / 2.0;
             let ahead = r.center() + axis * (half + 0.05);
-            let inward = if walls.floors[room].iter().any(|f| f.contains(&ahead)) {
-                axis
-            } else {
-                -axis
-            };
+            let inward = if walls.floors[room].iter().any(|f| f.contains(&ahead)) { axis } else { -axis };
             (r.center() + inward * half, inward, d.width_m())
         })
         .collect()
@@ -322,16 +251,9 @@ fn door_fronts(
 /// `"bedroom"`, `"bedroom 2"`, ...
 fn name_rooms(rooms: &mut [RoomTruth]) {
     for i in 0..rooms.len() {
-        let before = rooms[..i]
-            .iter()
-            .filter(|r| r.kind == rooms[i].kind)
-            .count();
+        let before = rooms[..i].iter().filter(|r| r.kind == rooms[i].kind).count();
         let name = rooms[i].kind.name();
-        rooms[i].name = if before == 0 {
-            name.to_string()
-        } else {
-            format!("{name} {}", before + 1)
-        };
+        rooms[i].name = if before == 0 { name.to_string() } else { format!("{name} {}", before + 1) };
     }
 }
 

@@ -5,118 +5,15 @@
 //! base: speed into the thing is braked away within a few hundredths of a second, so the base goes about a centimetre
 //! into a wall at full speed and not through it.
 
+mod config;
+
+pub use config::{GroundBaseConfig, GroundBaseError};
+
 use crate::contact::{Contact, ContactWorld};
 use crate::motion::{KinematicState, Motion};
 use crate::track::{Cubic, Jet, MotionTrack, Piece, Turn};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::TAU;
-use thiserror::Error;
-
-/// Limits and gait of a base.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GroundBaseConfig {
-    /// Height of the body's origin above the floor (0.31).
-    pub stance_height_m: f64,
-    /// Forward speed limit (1.0).
-    pub max_speed_mps: f64,
-    /// Backward speed limit (0.5).
-    pub max_reverse_mps: f64,
-    /// Sideways speed limit (0.4).
-    pub max_lateral_mps: f64,
-    /// Turning speed limit (1.5).
-    pub max_yaw_rate_radps: f64,
-    /// Acceleration limit for each direction (2.0).
-    pub max_accel_mps2: f64,
-    /// Limit of the turning acceleration (4.0).
-    pub max_yaw_accel_radps2: f64,
-    /// Jerk limit (20).
-    pub max_jerk_mps3: f64,
-    /// Limit of the turning jerk (40).
-    pub max_yaw_jerk_radps3: f64,
-    /// Strides a second (3).
-    pub stride_hz: f64,
-    /// Heave amplitude at full speed (0.008).
-    pub heave_m: f64,
-    /// Pitch amplitude at full speed (0.6 degrees).
-    pub pitch_rad: f64,
-    /// Roll amplitude at full speed, at half the stride's rhythm (0.8 degrees).
-    pub roll_rad: f64,
-    /// What touches the robot within this height above the floor is what it stands on (0.04).
-    pub support_height_m: f64,
-    /// Distance from the axis at which a push turns the base as easily as it moves it (0.25).
-    pub gyration_radius_m: f64,
-}
-
-impl Default for GroundBaseConfig {
-    fn default() -> Self {
-        GroundBaseConfig {
-            stance_height_m: 0.31,
-            max_speed_mps: 1.0,
-            max_reverse_mps: 0.5,
-            max_lateral_mps: 0.4,
-            max_yaw_rate_radps: 1.5,
-            max_accel_mps2: 2.0,
-            max_yaw_accel_radps2: 4.0,
-            max_jerk_mps3: 20.0,
-            max_yaw_jerk_radps3: 40.0,
-            stride_hz: 3.0,
-            heave_m: 0.008,
-            pitch_rad: 0.6_f64.to_radians(),
-            roll_rad: 0.8_f64.to_radians(),
-            support_height_m: 0.04,
-            gyration_radius_m: 0.25,
-        }
-    }
-}
-
-/// Why the base cannot be made or moved.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum GroundBaseError {
-    /// A number of the configuration is out of its range.
-    #[error("a number of the ground base's configuration is out of range")]
-    Config,
-    /// Start or command is NaN or infinite.
-    #[error("the start or the command is not finite")]
-    NotFinite,
-    /// The step is not positive or longer than a second.
-    #[error("the time step is not positive or longer than a second")]
-    Step,
-}
-
-impl GroundBaseConfig {
-    /// Checks every number.
-    pub fn validate(&self) -> Result<(), GroundBaseError> {
-        let positive = [
-            self.max_speed_mps,
-            self.max_accel_mps2,
-            self.max_yaw_accel_radps2,
-            self.max_jerk_mps3,
-            self.max_yaw_jerk_radps3,
-            self.gyration_radius_m,
-        ];
-        let not_negative = [
-            self.stance_height_m,
-            self.max_reverse_mps,
-            self.max_lateral_mps,
-            self.max_yaw_rate_radps,
-            self.stride_hz,
-            self.heave_m,
-            self.pitch_rad,
-            self.roll_rad,
-            self.support_height_m,
-        ];
-        let good = positive.iter().all(|x| *x > 0.0 && x.is_finite())
-            && not_negative.iter().all(|x| *x >= 0.0 && x.is_finite())
-            && self.stride_hz <= 10.0
-            && self.pitch_rad < 0.5
-            && self.roll_rad < 0.5;
-        if good {
-            Ok(())
-        } else {
-            Err(GroundBaseError::Config)
-        }
-    }
-}
 
 /// Wanted velocity in the body frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -192,11 +89,7 @@ impl GroundBase {
         command: &VelocityCommand,
         mut contacts: Option<&mut ContactWorld>,
     ) -> Result<Vec<Contact>, GroundBaseError> {
-        let numbers = [
-            command.forward_mps,
-            command.left_mps,
-            command.yaw_rate_radps,
-        ];
+        let numbers = [command.forward_mps, command.left_mps, command.yaw_rate_radps];
         if !numbers.iter().all(|x| x.is_finite()) {
             return Err(GroundBaseError::NotFinite);
         }
@@ -238,11 +131,7 @@ impl GroundBase {
     /// Velocity now, in the body frame.
     pub fn velocity(&self) -> VelocityCommand {
         let body = self.body_velocity();
-        VelocityCommand {
-            forward_mps: body.x,
-            left_mps: body.y,
-            yaw_rate_radps: self.jets[YAW].rate,
-        }
+        VelocityCommand { forward_mps: body.x, left_mps: body.y, yaw_rate_radps: self.jets[YAW].rate }
     }
 
     fn touching(&self, world: &mut ContactWorld) -> Vec<Contact> {
@@ -260,38 +149,16 @@ impl GroundBase {
         let is_impact = !contacts.is_empty();
         let (accel, jerk, yaw_accel, yaw_jerk, gain) = if is_impact {
             let yaw_impact = IMPACT_MPS2 / config.gyration_radius_m;
-            (
-                IMPACT_MPS2,
-                2.0 * IMPACT_MPS2 / h,
-                yaw_impact,
-                2.0 * yaw_impact / h,
-                100.0,
-            )
+            (IMPACT_MPS2, 2.0 * IMPACT_MPS2 / h, yaw_impact, 2.0 * yaw_impact / h, 100.0)
         } else {
-            (
-                config.max_accel_mps2,
-                config.max_jerk_mps3,
-                config.max_yaw_accel_radps2,
-                config.max_yaw_jerk_radps3,
-                10.0,
-            )
+            (config.max_accel_mps2, config.max_jerk_mps3, config.max_yaw_accel_radps2, config.max_yaw_jerk_radps3, 10.0)
         };
-        let limits = |max_accel, max_jerk| FollowLimits {
-            max_accel,
-            max_jerk,
-            gain,
-        };
+        let limits = |max_accel, max_jerk| FollowLimits { max_accel, max_jerk, gain };
         let target = self.allowed(command, contacts);
 
         // Yaw first: the world acceleration at the end of the piece needs where the body then points.
         let yaw = self.jets[YAW];
-        let yaw_end = follow(
-            yaw.rate,
-            yaw.acceleration,
-            target.z,
-            &limits(yaw_accel, yaw_jerk),
-            h,
-        );
+        let yaw_end = follow(yaw.rate, yaw.acceleration, target.z, &limits(yaw_accel, yaw_jerk), h);
         let yaw_piece = Cubic::reaching(yaw, yaw_end, h);
         let yaw_after = yaw_piece.at(h);
 
@@ -305,10 +172,7 @@ impl GroundBase {
             follow(velocity.y, rate_before.y, target.y, &limits, h),
         );
         let velocity_after = velocity + (rate_before + rate_after) * (h / 2.0);
-        let end = rotate(
-            rate_after + turn(velocity_after) * yaw_after.rate,
-            yaw_after.value,
-        );
+        let end = rotate(rate_after + turn(velocity_after) * yaw_after.rate, yaw_after.value);
         let x_piece = Cubic::reaching(self.jets[X], end.x, h);
         let y_piece = Cubic::reaching(self.jets[Y], end.y, h);
 
@@ -320,32 +184,17 @@ impl GroundBase {
             turn: Turn::Euler([yaw_piece, pitch_piece, roll_piece]),
             vibration: None,
         });
-        let pieces = [
-            x_piece,
-            y_piece,
-            yaw_piece,
-            z_piece,
-            pitch_piece,
-            roll_piece,
-        ];
+        let pieces = [x_piece, y_piece, yaw_piece, z_piece, pitch_piece, roll_piece];
         self.jets = pieces.map(|piece| piece.at(h));
     }
 
     /// The command within the limits and not into what is touched: forward, left, yaw rate.
     fn allowed(&self, command: &VelocityCommand, contacts: &[Contact]) -> Vector3<f64> {
         let config = &self.config;
-        let forward = command
-            .forward_mps
-            .clamp(-config.max_reverse_mps, config.max_speed_mps);
-        let left = command
-            .left_mps
-            .clamp(-config.max_lateral_mps, config.max_lateral_mps);
+        let forward = command.forward_mps.clamp(-config.max_reverse_mps, config.max_speed_mps);
+        let left = command.left_mps.clamp(-config.max_lateral_mps, config.max_lateral_mps);
         let yaw_limit = config.max_yaw_rate_radps;
-        let mut target = Vector3::new(
-            forward,
-            left,
-            command.yaw_rate_radps.clamp(-yaw_limit, yaw_limit),
-        );
+        let mut target = Vector3::new(forward, left, command.yaw_rate_radps.clamp(-yaw_limit, yaw_limit));
         let inertia = config.gyration_radius_m * config.gyration_radius_m;
         let center = Vector2::new(self.jets[X].value, self.jets[Y].value);
         // Gauss-Seidel over the contacts: after a few rounds no touched point moves into its thing.
@@ -383,11 +232,7 @@ impl GroundBase {
         let wave = |amplitude: f64, phase: f64, pulse: f64| {
             let (sin, cos) = phase.sin_cos();
             let a = amplitude * self.gait;
-            let target = Jet {
-                value: a * sin,
-                rate: a * pulse * cos,
-                acceleration: -a * pulse * pulse * sin,
-            };
+            let target = Jet { value: a * sin, rate: a * pulse * cos, acceleration: -a * pulse * pulse * sin };
             (target, -a * pulse.powi(3) * cos)
         };
         let follow = |jet: Jet, mean: f64, (target, jerk): (Jet, f64)| {
@@ -403,16 +248,8 @@ impl GroundBase {
         let height = self.floor_z_m + config.stance_height_m;
         [
             follow(self.jets[Z], height, wave(config.heave_m, stride, pulse)),
-            follow(
-                self.jets[PITCH],
-                0.0,
-                wave(config.pitch_rad, stride + 1.0, pulse),
-            ),
-            follow(
-                self.jets[ROLL],
-                0.0,
-                wave(config.roll_rad, stride / 2.0, pulse / 2.0),
-            ),
+            follow(self.jets[PITCH], 0.0, wave(config.pitch_rad, stride + 1.0, pulse)),
+            follow(self.jets[ROLL], 0.0, wave(config.roll_rad, stride / 2.0, pulse / 2.0)),
         ]
     }
 
@@ -471,10 +308,7 @@ mod tests {
     #[test]
     fn drives_a_metre_a_second_after_half_a_second_and_more() {
         let mut base = base();
-        let ahead = VelocityCommand {
-            forward_mps: 1.0,
-            ..VelocityCommand::default()
-        };
+        let ahead = VelocityCommand { forward_mps: 1.0, ..VelocityCommand::default() };
         for _ in 0..100 {
             base.step(0.02, &ahead, None).unwrap();
         }
@@ -482,11 +316,7 @@ mod tests {
         // Two seconds less half the time the ramp takes (0.5 s at 2 m/s^2, jerk-limited ends).
         let x = base.state().world_from_body.translation.x;
         assert!((1.5..1.75).contains(&x), "{x}");
-        let top = base
-            .track()
-            .pieces()
-            .map(|p| p.position[0].start.acceleration)
-            .fold(0.0, f64::max);
+        let top = base.track().pieces().map(|p| p.position[0].start.acceleration).fold(0.0, f64::max);
         assert!(top <= 2.0 + 1e-9 && top > 1.5, "{top}");
     }
 
@@ -494,11 +324,7 @@ mod tests {
     fn a_circle_closes() {
         // 0.5 m/s at 1 rad/s: radius 0.5 m. After the start the distance from the centre stays.
         let mut base = base();
-        let circle = VelocityCommand {
-            forward_mps: 0.5,
-            left_mps: 0.0,
-            yaw_rate_radps: 1.0,
-        };
+        let circle = VelocityCommand { forward_mps: 0.5, left_mps: 0.0, yaw_rate_radps: 1.0 };
         for _ in 0..100 {
             base.step(0.02, &circle, None).unwrap();
         }
@@ -515,19 +341,10 @@ mod tests {
     #[test]
     fn bad_input_is_refused() {
         let mut base = base();
-        let nan = VelocityCommand {
-            forward_mps: f64::NAN,
-            ..VelocityCommand::default()
-        };
+        let nan = VelocityCommand { forward_mps: f64::NAN, ..VelocityCommand::default() };
         assert_eq!(base.step(0.02, &nan, None), Err(GroundBaseError::NotFinite));
-        assert_eq!(
-            base.step(0.0, &VelocityCommand::default(), None),
-            Err(GroundBaseError::Step)
-        );
-        let config = GroundBaseConfig {
-            max_speed_mps: -1.0,
-            ..GroundBaseConfig::default()
-        };
+        assert_eq!(base.step(0.0, &VelocityCommand::default(), None), Err(GroundBaseError::Step));
+        let config = GroundBaseConfig { max_speed_mps: -1.0, ..GroundBaseConfig::default() };
         assert!(GroundBase::new(config, 0, (0.0, 0.0, 0.0), 0.0).is_err());
     }
 }

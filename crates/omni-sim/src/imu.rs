@@ -122,18 +122,13 @@ pub struct ImuRecord {
 }
 
 /// What an IMU without errors reads.
-pub fn ideal_sample(
-    state: &KinematicState,
-    body_from_imu: &Isometry3<f64>,
-    gravity_mps2: f64,
-) -> ImuRecord {
+pub fn ideal_sample(state: &KinematicState, body_from_imu: &Isometry3<f64>, gravity_mps2: f64) -> ImuRecord {
     let lever = body_from_imu.translation.vector;
     let rate = state.angular_velocity_body;
     let upward = Vector3::new(0.0, 0.0, gravity_mps2);
     let body_from_world = state.world_from_body.rotation.inverse();
     let at_body = body_from_world * (state.acceleration_world + upward);
-    let at_imu =
-        at_body + state.angular_acceleration_body.cross(&lever) + rate.cross(&rate.cross(&lever));
+    let at_imu = at_body + state.angular_acceleration_body.cross(&lever) + rate.cross(&rate.cross(&lever));
     let imu_from_body = body_from_imu.rotation.inverse();
     ImuRecord {
         stamp_ns: state.stamp_ns,
@@ -177,9 +172,7 @@ impl Imu {
             return Err(ImuError::NotFinite);
         }
         let ideal = ideal_sample(&state, &self.body_from_imu, self.config.gravity_mps2);
-        let key = NoiseKey::new(self.config.seed)
-            .with_text("imu")
-            .with(self.samples);
+        let key = NoiseKey::new(self.config.seed).with_text("imu").with(self.samples);
         self.samples += 1;
         // A density d gives samples of variance d^2 / dt; a walk w grows by a variance of w^2 dt.
         let root_rate = self.config.rate_hz.sqrt();
@@ -216,10 +209,7 @@ mod tests {
 
     #[test]
     fn at_rest_it_reads_gravity_upwards() {
-        let state = KinematicState::at_rest(
-            0,
-            Isometry3::rotation(Vector3::new(std::f64::consts::PI, 0.0, 0.0)),
-        );
+        let state = KinematicState::at_rest(0, Isometry3::rotation(Vector3::new(std::f64::consts::PI, 0.0, 0.0)));
         let read = ideal_sample(&state, &Isometry3::identity(), 9.81);
         // Upside down: up is -z of the body.
         assert!((read.specific_force_mps2 - Vector3::new(0.0, 0.0, -9.81)).norm() < 1e-12);
@@ -238,22 +228,12 @@ mod tests {
 
     #[test]
     fn noise_has_the_density_it_was_given() {
-        let config = ImuConfig {
-            accel_noise_density: 0.01,
-            ..ImuConfig::noise_free()
-        };
+        let config = ImuConfig { accel_noise_density: 0.01, ..ImuConfig::noise_free() };
         let mut imu = Imu::new(config, Isometry3::identity()).unwrap();
         let rest = |stamp_ns| KinematicState::at_rest(stamp_ns, Isometry3::identity());
         let n = 5000;
-        let squares: f64 = (0..n)
-            .map(|i| {
-                imu.sample(&rest, i * 5_000_000)
-                    .unwrap()
-                    .specific_force_mps2
-                    .x
-                    .powi(2)
-            })
-            .sum();
+        let squares: f64 =
+            (0..n).map(|i| imu.sample(&rest, i * 5_000_000).unwrap().specific_force_mps2.x.powi(2)).sum();
         let expected = 0.01 * 200_f64.sqrt();
         assert!(((squares / n as f64).sqrt() / expected - 1.0).abs() < 0.05);
     }

@@ -44,8 +44,7 @@ impl Item {
 
     /// True if it narrows the floor.
     pub fn is_obstacle(&self) -> bool {
-        let hung_thin =
-            matches!(self.class.mount, Mount::Wall(_)) && self.class.size_m[1].1 <= THIN_M;
+        let hung_thin = matches!(self.class.mount, Mount::Wall(_)) && self.class.size_m[1].1 <= THIN_M;
         !hung_thin && self.support.is_none()
     }
 }
@@ -57,23 +56,10 @@ pub(crate) fn add_items(building: &mut Building, items: Vec<Item>, room: u32) {
         let id = first + k as u32;
         if item.is_mover {
             let mut mesh = TriangleMesh::default();
-            item.model.push(
-                &mut mesh,
-                &Placement {
-                    origin: Point3::origin(),
-                    yaw_rad: 0.0,
-                },
-                id,
-            );
-            let rotation =
-                UnitQuaternion::from_axis_angle(&Vector3::z_axis(), item.placement.yaw_rad);
-            let pose =
-                Isometry3::from_parts(Translation3::from(item.placement.origin.coords), rotation);
-            building.movers.push(Mover {
-                instance: id,
-                mesh,
-                path: vec![(0, pose)],
-            });
+            item.model.push(&mut mesh, &Placement { origin: Point3::origin(), yaw_rad: 0.0 }, id);
+            let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), item.placement.yaw_rad);
+            let pose = Isometry3::from_parts(Translation3::from(item.placement.origin.coords), rotation);
+            building.movers.push(Mover { instance: id, mesh, path: vec![(0, pose)] });
         } else {
             item.model.push(&mut building.mesh, &item.placement, id);
         }
@@ -96,9 +82,5 @@ pub(crate) fn add_items(building: &mut Building, items: Vec<Item>, room: u32) {
 /// Extent of an item's footprint along a horizontal direction that is parallel to an axis (nearly, for turned chairs).
 pub(crate) fn extent(item: &Item, direction: Vector2<f64>) -> f64 {
     let foot = item.bounds.footprint();
-    if direction.x.abs() > direction.y.abs() {
-        foot.width_m()
-    } else {
-        foot.height_m()
-    }
+    if direction.x.abs() > direction.y.abs() { foot.width_m() } else { foot.height_m() }
 }

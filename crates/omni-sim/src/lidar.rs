@@ -59,9 +59,7 @@ impl Default for LidarConfig {
 impl LidarConfig {
     /// Checks every number.
     pub fn validate(&self) -> Result<(), LidarError> {
-        let ranges = self.min_range_m >= 0.0
-            && self.max_range_m > self.min_range_m
-            && self.max_range_m.is_finite();
+        let ranges = self.min_range_m >= 0.0 && self.max_range_m > self.min_range_m && self.max_range_m.is_finite();
         let good = self.beams >= 1
             && self.columns >= 1
             && self.columns <= 65_536
@@ -72,11 +70,7 @@ impl LidarConfig {
             && (0.0..1.0).contains(&self.range_noise_m)
             && (0.0..=1.0).contains(&self.dropout)
             && (0.0..=std::f64::consts::FRAC_PI_2).contains(&self.grazing_rad);
-        if good {
-            Ok(())
-        } else {
-            Err(LidarError::Config)
-        }
+        if good { Ok(()) } else { Err(LidarError::Config) }
     }
 
     /// Time of a whole scan.
@@ -190,11 +184,7 @@ pub fn scan(
     config.validate()?;
     let (from_ns, to_ns) = motion.span_ns();
     if start_ns < from_ns || column_stamp(config, start_ns, config.columns - 1) > to_ns {
-        return Err(LidarError::MotionUnknown {
-            from_ns,
-            to_ns,
-            start_ns,
-        });
+        return Err(LidarError::MotionUnknown { from_ns, to_ns, start_ns });
     }
     let directions = beam_directions(config);
     let columns: Vec<u32> = (0..config.columns).collect();
@@ -224,10 +214,7 @@ pub fn scan(
             Ok(points)
         })
         .collect();
-    Ok(LidarScanRecord {
-        start_ns,
-        points: parts?.concat(),
-    })
+    Ok(LidarScanRecord { start_ns, points: parts?.concat() })
 }
 
 /// Time at which a column is measured.
@@ -271,8 +258,7 @@ impl Column<'_> {
         for (ring, &(up, flat)) in beams.iter().enumerate() {
             let in_sensor = Vector3::new(flat * cos, flat * sin, up);
             let direction = rotation * in_sensor;
-            let Some((range, surface)) = snapshot.cast(&origin, &direction, max_range, stack)
-            else {
+            let Some((range, surface)) = snapshot.cast(&origin, &direction, max_range, stack) else {
                 continue;
             };
             let key = noise.with(ring as u64);
@@ -281,7 +267,7 @@ impl Column<'_> {
             if key.uniform() < self.config.dropout + f64::from(grazing * grazing) {
                 continue;
             }
-            let range = f64::from(range) + self.config.range_noise_m * key.with(2).normal_pair().0;
+            let range = f64::from(range) + self.config.range_noise_m * key.with(2).normal();
             if range < self.config.min_range_m || range > self.config.max_range_m {
                 continue;
             }
@@ -319,18 +305,9 @@ mod tests {
     #[test]
     fn bad_numbers_are_refused() {
         for config in [
-            LidarConfig {
-                beams: 0,
-                ..LidarConfig::default()
-            },
-            LidarConfig {
-                rate_hz: f64::NAN,
-                ..LidarConfig::default()
-            },
-            LidarConfig {
-                max_range_m: 0.0,
-                ..LidarConfig::default()
-            },
+            LidarConfig { beams: 0, ..LidarConfig::default() },
+            LidarConfig { rate_hz: f64::NAN, ..LidarConfig::default() },
+            LidarConfig { max_range_m: 0.0, ..LidarConfig::default() },
         ] {
             assert_eq!(config.validate(), Err(LidarError::Config));
         }

@@ -77,13 +77,7 @@ const TERRACOTTA: [u8; 3] = [150, 92, 60];
 
 /// The model of a form with these extents (width along y, depth along x) in this colour.
 pub fn build(form: Form, width_m: f64, depth_m: f64, height_m: f64, rgb: [u8; 3]) -> Model {
-    let mut b = Builder {
-        w: width_m,
-        d: depth_m,
-        h: height_m,
-        rgb,
-        model: Model::default(),
-    };
+    let mut b = Builder { w: width_m, d: depth_m, h: height_m, rgb, model: Model::default() };
     b.furnish(form);
     b.model
 }
@@ -103,21 +97,11 @@ impl Builder {
 
     /// A block given by its bounds in x, y and z.
     fn span(&mut self, x: (f64, f64), y: (f64, f64), z: (f64, f64), rgb: [u8; 3]) {
-        self.add(
-            Solid::Block {
-                min: Point3::new(x.0, y.0, z.0),
-                max: Point3::new(x.1, y.1, z.1),
-            },
-            rgb,
-        );
+        self.add(Solid::Block { min: Point3::new(x.0, y.0, z.0), max: Point3::new(x.1, y.1, z.1) }, rgb);
     }
 
     fn surface(&mut self, x: (f64, f64), y: (f64, f64), z: f64, headroom_m: f64) {
-        self.model.surfaces.push(Surface {
-            min: Point3::new(x.0, y.0, z),
-            max: Point3::new(x.1, y.1, z),
-            headroom_m,
-        });
+        self.model.surfaces.push(Surface { min: Point3::new(x.0, y.0, z), max: Point3::new(x.1, y.1, z), headroom_m });
     }
 
     /// Half depth, half width.
@@ -147,12 +131,9 @@ impl Builder {
 
     fn furnish(&mut self, form: Form) {
         match form {
-            Form::Chair
-            | Form::OfficeChair
-            | Form::Stool
-            | Form::Armchair
-            | Form::Bench
-            | Form::Bed => self.seats_and_beds(form),
+            Form::Chair | Form::OfficeChair | Form::Stool | Form::Armchair | Form::Bench | Form::Bed => {
+                self.seats_and_beds(form)
+            }
             Form::Table
             | Form::Desk
             | Form::Bench2
@@ -169,9 +150,7 @@ impl Builder {
             | Form::Bathtub
             | Form::Copier
             | Form::Dispenser => self.appliances(form),
-            Form::Window | Form::Radiator | Form::Framed | Form::Disc | Form::Towel => {
-                self.hung(form)
-            }
+            Form::Window | Form::Radiator | Form::Framed | Form::Disc | Form::Towel => self.hung(form),
             Form::Bin
             | Form::Plant
             | Form::FloorLamp

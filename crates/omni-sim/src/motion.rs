@@ -37,17 +37,12 @@ impl KinematicState {
 
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
-        [
-            self.velocity_world,
-            self.acceleration_world,
-            self.angular_velocity_body,
-            self.angular_acceleration_body,
-        ]
-        .iter()
-        .flat_map(|v| v.iter())
-        .chain(self.world_from_body.translation.vector.iter())
-        .chain(self.world_from_body.rotation.coords.iter())
-        .all(|x| x.is_finite())
+        [self.velocity_world, self.acceleration_world, self.angular_velocity_body, self.angular_acceleration_body]
+            .iter()
+            .flat_map(|v| v.iter())
+            .chain(self.world_from_body.translation.vector.iter())
+            .chain(self.world_from_body.rotation.coords.iter())
+            .all(|x| x.is_finite())
     }
 }
 

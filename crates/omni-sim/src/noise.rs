@@ -23,9 +23,8 @@ impl NoiseKey {
     /// The address below this one with a text.
     pub fn with_text(self, text: &str) -> Self {
         // FNV-1a: short class names, no adversary.
-        let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
-            (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
-        });
+        let hash =
+            text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
         self.with(hash)
     }
 
@@ -60,6 +59,13 @@ impl NoiseKey {
         let radius = (-2.0 * u.ln()).sqrt();
         let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
         (radius * cos, radius * sin)
+    }
+
+    /// A standard normal number: the first of [`NoiseKey::normal_pair`].
+    #[inline]
+    pub fn normal(self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.with(1).uniform()).cos()
     }
 
     /// Number of events of a Poisson process with the given mean (Knuth); means above 50 are cut to 50.
@@ -105,9 +111,7 @@ mod tests {
 
     #[test]
     fn poisson_has_the_mean_it_was_given() {
-        let total: usize = (0..20_000)
-            .map(|i| NoiseKey::new(5).with(i).poisson(0.3))
-            .sum();
+        let total: usize = (0..20_000).map(|i| NoiseKey::new(5).with(i).poisson(0.3)).sum();
         assert!((total as f64 / 20_000.0 - 0.3).abs() < 0.02);
         assert_eq!(NoiseKey::new(5).poisson(0.0), 0);
     }

@@ -51,11 +51,7 @@ impl PanoramaConfig {
             && self.rate_hz <= 1000.0
             && self.max_range_m > 0.0
             && self.max_range_m < 1e5;
-        if good {
-            Ok(())
-        } else {
-            Err(PanoramaError::Config)
-        }
+        if good { Ok(()) } else { Err(PanoramaError::Config) }
     }
 
     /// Its geometry.
@@ -118,8 +114,7 @@ pub fn capture(
     segmenter: &SegmenterConfig,
     stamp_ns: i64,
 ) -> Result<PanoramaRecord, PanoramaError> {
-    capture_with_truth(world, motion, body_from_camera, config, segmenter, stamp_ns)
-        .map(|(record, _)| record)
+    capture_with_truth(world, motion, body_from_camera, config, segmenter, stamp_ns).map(|(record, _)| record)
 }
 
 /// The same with the instance in every pixel, which must not reach a robot.
@@ -143,19 +138,8 @@ pub fn capture_with_truth(
     }
     let world_from_camera = state.world_from_body * body_from_camera;
     let snapshot = world.at(stamp_ns);
-    let mut rendering = render(
-        &snapshot,
-        &world_from_camera,
-        &config.view(),
-        config.max_range_m,
-    );
-    let masks = segment(
-        &snapshot,
-        &rendering,
-        &world_from_camera,
-        stamp_ns,
-        segmenter,
-    );
+    let mut rendering = render(&snapshot, &world_from_camera, &config.view(), config.max_range_m);
+    let masks = segment(&snapshot, &rendering, &world_from_camera, stamp_ns, segmenter);
     let record = PanoramaRecord {
         stamp_ns,
         width: config.width,

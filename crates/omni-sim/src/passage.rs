@@ -40,29 +40,12 @@ impl PassageMap {
         passage_m: f64,
     ) -> Self {
         let radius_m = passage_m / 2.0;
-        let min = floor
-            .iter()
-            .fold(Point2::new(f64::INFINITY, f64::INFINITY), |m, r| {
-                m.inf(&r.min)
-            });
-        let max = floor
-            .iter()
-            .fold(Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY), |m, r| {
-                m.sup(&r.max)
-            });
+        let min = floor.iter().fold(Point2::new(f64::INFINITY, f64::INFINITY), |m, r| m.inf(&r.min));
+        let max = floor.iter().fold(Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY), |m, r| m.sup(&r.max));
         let cells = |extent: f64| (extent / CELL_M).ceil().max(1.0) as usize;
         let (width, height) = (cells(max.x - min.x), cells(max.y - min.y));
-        let mut map = Self {
-            origin: min,
-            width,
-            height,
-            radius_m,
-            free: Vec::new(),
-            seeds: Vec::new(),
-        };
-        map.free = (0..width * height)
-            .map(|i| floor.iter().any(|r| r.contains(&map.center(i))))
-            .collect();
+        let mut map = Self { origin: min, width, height, radius_m, free: Vec::new(), seeds: Vec::new() };
+        map.free = (0..width * height).map(|i| floor.iter().any(|r| r.contains(&map.center(i)))).collect();
         for face in faces {
             map.block(&face.rect());
         }
@@ -147,34 +130,20 @@ impl PassageMap {
             }
             flood(largest.1?, &mut reached);
         }
-        Some(Reach {
-            origin: self.origin,
-            width: self.width,
-            height: self.height,
-            reached,
-        })
+        Some(Reach { origin: self.origin, width: self.width, height: self.height, reached })
     }
 }
 
 impl Reach {
     /// Middles of the reached cells within `distance_m` of a rectangle, in raster order.
-    pub fn near<'a>(
-        &'a self,
-        rect: &'a Rect,
-        distance_m: f64,
-    ) -> impl Iterator<Item = Point2<f64>> + 'a {
-        cells_within(
-            self.origin,
-            self.width,
-            self.height,
-            &rect.grown(distance_m),
-        )
-        .filter(|&cell| self.reached[cell])
-        .map(|cell| {
-            let (ix, iy) = (cell % self.width, cell / self.width);
-            self.origin + Vector2::new((ix as f64 + 0.5) * CELL_M, (iy as f64 + 0.5) * CELL_M)
-        })
-        .filter(move |p| rect.distance_m(p) <= distance_m)
+    pub fn near<'a>(&'a self, rect: &'a Rect, distance_m: f64) -> impl Iterator<Item = Point2<f64>> + 'a {
+        cells_within(self.origin, self.width, self.height, &rect.grown(distance_m))
+            .filter(|&cell| self.reached[cell])
+            .map(|cell| {
+                let (ix, iy) = (cell % self.width, cell / self.width);
+                self.origin + Vector2::new((ix as f64 + 0.5) * CELL_M, (iy as f64 + 0.5) * CELL_M)
+            })
+            .filter(move |p| rect.distance_m(p) <= distance_m)
     }
 
     /// Reached floor, square metres.
@@ -184,21 +153,12 @@ impl Reach {
 }
 
 /// Indices of the cells whose middle lies in `area`.
-fn cells_within(
-    origin: Point2<f64>,
-    width: usize,
-    height: usize,
-    area: &Rect,
-) -> impl Iterator<Item = usize> + use<> {
+fn cells_within(origin: Point2<f64>, width: usize, height: usize, area: &Rect) -> impl Iterator<Item = usize> + use<> {
     let index = |v: f64, n: usize| (v / CELL_M).clamp(0.0, n as f64) as usize;
-    let (x0, x1) = (
-        index((area.min.x - origin.x).floor_to_cell(), width),
-        index(area.max.x - origin.x + CELL_M, width),
-    );
-    let (y0, y1) = (
-        index((area.min.y - origin.y).floor_to_cell(), height),
-        index(area.max.y - origin.y + CELL_M, height),
-    );
+    let (x0, x1) =
+        (index((area.min.x - origin.x).floor_to_cell(), width), index(area.max.x - origin.x + CELL_M, width));
+    let (y0, y1) =
+        (index((area.min.y - origin.y).floor_to_cell(), height), index(area.max.y - origin.y + CELL_M, height));
     (y0..y1).flat_map(move |iy| (x0..x1).map(move |ix| iy * width + ix))
 }
 
@@ -237,19 +197,14 @@ mod tests {
     #[test]
     fn an_empty_room_is_reached_up_to_the_radius() {
         let (floor, faces) = room_4x4();
-        let reach = PassageMap::new(&floor, &faces, &[], 1.0)
-            .reach()
-            .expect("an empty room is free");
+        let reach = PassageMap::new(&floor, &faces, &[], 1.0).reach().expect("an empty room is free");
         assert!((reach.area_m2() - 9.0).abs() < 0.35, "{}", reach.area_m2());
     }
 
     #[test]
     fn a_barrier_with_a_gap_narrower_than_the_passage_cuts_the_doors_off() {
         let (floor, faces) = room_4x4();
-        let doors = [
-            (Point2::new(2.0, 0.0), Vector2::new(0.0, 1.0)),
-            (Point2::new(2.0, 4.0), Vector2::new(0.0, -1.0)),
-        ];
+        let doors = [(Point2::new(2.0, 0.0), Vector2::new(0.0, 1.0)), (Point2::new(2.0, 4.0), Vector2::new(0.0, -1.0))];
         for (gap, open) in [(0.9, false), (1.1, true)] {
             let mut map = PassageMap::new(&floor, &faces, &doors, 1.0);
             map.block(&Rect::new(0.0, 1.9, 4.0 - gap, 2.1));

@@ -95,24 +95,11 @@ impl<'a> Furnisher<'a> {
             .iter()
             .map(|(middle, inward, width)| {
                 let side = Vector2::new(-inward.y, inward.x) * (width / 2.0 + 0.05);
-                let (a, b) = (
-                    middle + side,
-                    middle - side + inward * (space.passage_m + 0.1),
-                );
-                Rect {
-                    min: a.inf(&b),
-                    max: a.sup(&b),
-                }
+                let (a, b) = (middle + side, middle - side + inward * (space.passage_m + 0.1));
+                Rect { min: a.inf(&b), max: a.sup(&b) }
             })
             .collect();
-        Self {
-            rng,
-            space,
-            items: Vec::new(),
-            keep_free,
-            map,
-            palette: Vec::new(),
-        }
+        Self { rng, space, items: Vec::new(), keep_free, map, palette: Vec::new() }
     }
 
     /// Draws a thing of a class and finds a place for it; its index, or `None` if there is no room for it.
@@ -172,11 +159,7 @@ impl<'a> Furnisher<'a> {
     /// Keeps the floor before something on a wall clear from now on, as deep as the passage.
     pub fn keep_front_free(&mut self, index: usize) {
         let item = &self.items[index];
-        self.keep_free.push(front_of(
-            &item.bounds.footprint(),
-            item.front(),
-            self.space.passage_m + 0.1,
-        ));
+        self.keep_free.push(front_of(&item.bounds.footprint(), item.front(), self.space.passage_m + 0.1));
     }
 
     /// Where the disc gets now. `None` only in a room too small for the disc.
@@ -224,23 +207,14 @@ impl<'a> Furnisher<'a> {
     }
 
     /// Size (width, depth, height), colour and material of a new thing; sets in one room match.
-    fn draw(
-        &mut self,
-        class: &'static Class,
-        place: Place,
-    ) -> ((f64, f64, f64), &'static str, &'static str) {
+    fn draw(&mut self, class: &'static Class, place: Place) -> ((f64, f64, f64), &'static str, &'static str) {
         let mut draw = |range: (f64, f64)| {
-            let v: f64 = if range.0 < range.1 {
-                self.rng.random_range(range.0..range.1)
-            } else {
-                range.0
-            };
+            let v: f64 = if range.0 < range.1 { self.rng.random_range(range.0..range.1) } else { range.0 };
             (v * 200.0).round() / 200.0
         };
         let size = class.size_m.map(&mut draw);
         let known = self.palette.iter().find(|(name, _, _)| *name == class.name);
-        let matches = matches!(place, Place::Row | Place::Around | Place::Beside)
-            || self.rng.random_bool(0.4);
+        let matches = matches!(place, Place::Row | Place::Around | Place::Beside) || self.rng.random_bool(0.4);
         let (color, material) = match known {
             Some((_, color, material)) if matches => (*color, *material),
             _ => (
@@ -262,40 +236,21 @@ impl<'a> Furnisher<'a> {
         place: Place,
         parent: Option<usize>,
     ) -> Vec<(f64, Placement)> {
-        let z = self.space.floor_z_m
-            + if let Mount::Wall(z) = class.mount {
-                z
-            } else {
-                0.0
-            };
-        let gap = if matches!(class.mount, Mount::Wall(_)) {
-            0.0
-        } else {
-            WALL_GAP_M
-        };
+        let z = self.space.floor_z_m + if let Mount::Wall(z) = class.mount { z } else { 0.0 };
+        let gap = if matches!(class.mount, Mount::Wall(_)) { 0.0 } else { WALL_GAP_M };
         let parent = parent.map(|p| self.items[p].clone());
         let mut list: Vec<(f64, Placement)> = Vec::new();
-        let at = |p: Point2<f64>, yaw_rad: f64| Placement {
-            origin: Point3::new(p.x, p.y, z),
-            yaw_rad,
-        };
+        let at = |p: Point2<f64>, yaw_rad: f64| Placement { origin: Point3::new(p.x, p.y, z), yaw_rad };
         match (place, &parent) {
             (Place::Beside, Some(p)) => {
                 let front = p.front();
                 let left = Vector2::new(-front.y, front.x);
-                let back = Point2::new(p.placement.origin.x, p.placement.origin.y)
-                    - front * extent(p, front) / 2.0;
+                let back = Point2::new(p.placement.origin.x, p.placement.origin.y) - front * extent(p, front) / 2.0;
                 let reach = (extent(p, left) + width) / 2.0;
                 for side in [-1.0, 1.0] {
                     let step = reach + self.rng.random_range(0.02..0.10);
                     let score = self.rng.random_range(0.0..1.0);
-                    list.push((
-                        score,
-                        at(
-                            back + left * side * step + front * depth / 2.0,
-                            p.placement.yaw_rad,
-                        ),
-                    ));
+                    list.push((score, at(back + left * side * step + front * depth / 2.0, p.placement.yaw_rad)));
                 }
             }
             (Place::InFront(distance), Some(p)) => {
@@ -303,21 +258,10 @@ impl<'a> Furnisher<'a> {
                 let left = Vector2::new(-front.y, front.x);
                 let middle = Point2::new(p.placement.origin.x, p.placement.origin.y);
                 for k in 0..6 {
-                    let away =
-                        (extent(p, front) + depth) / 2.0 + distance + 0.03 * f64::from(k % 3);
+                    let away = (extent(p, front) + depth) / 2.0 + distance + 0.03 * f64::from(k % 3);
                     let slide = left * self.rng.random_range(-0.08..0.08);
-                    let turn = if distance < 0.2 {
-                        self.rng.random_range(-0.12..0.12)
-                    } else {
-                        0.0
-                    };
-                    list.push((
-                        -f64::from(k),
-                        at(
-                            middle + front * away + slide,
-                            p.placement.yaw_rad + PI + turn,
-                        ),
-                    ));
+                    let turn = if distance < 0.2 { self.rng.random_range(-0.12..0.12) } else { 0.0 };
+                    list.push((-f64::from(k), at(middle + front * away + slide, p.placement.yaw_rad + PI + turn)));
                 }
             }
             (Place::Around, Some(p)) => {
@@ -333,23 +277,16 @@ impl<'a> Furnisher<'a> {
                         let turn = self.rng.random_range(-0.06..0.06);
                         let yaw = p.placement.yaw_rad + if side > 0.0 { PI } else { 0.0 };
                         let score = 1.0 + self.rng.random_range(0.0..0.5);
-                        list.push((
-                            score,
-                            at(middle + front * side * away + left * slide, yaw + turn),
-                        ));
+                        list.push((score, at(middle + front * side * away + left * slide, yaw + turn)));
                     }
                     let away = (long + depth) / 2.0 + self.rng.random_range(0.04..0.10);
                     let yaw = p.placement.yaw_rad - side * FRAC_PI_2;
-                    list.push((
-                        self.rng.random_range(0.0..0.6),
-                        at(middle + left * side * away, yaw),
-                    ));
+                    list.push((self.rng.random_range(0.0..0.6), at(middle + left * side * away, yaw)));
                 }
             }
             (Place::Below, Some(p)) => {
                 let front = p.front();
-                let back = Point2::new(p.placement.origin.x, p.placement.origin.y)
-                    - front * extent(p, front) / 2.0;
+                let back = Point2::new(p.placement.origin.x, p.placement.origin.y) - front * extent(p, front) / 2.0;
                 list.push((0.0, at(back + front * depth / 2.0, p.placement.yaw_rad)));
             }
             (Place::Center, _) => {
@@ -357,22 +294,15 @@ impl<'a> Furnisher<'a> {
                 let along_x = r.width_m() > r.height_m();
                 for k in 0..12 {
                     let spread = 0.06 * f64::from(k);
-                    let shift = Vector2::new(
-                        self.rng.random_range(-1.0..1.0),
-                        self.rng.random_range(-1.0..1.0),
-                    ) * spread;
+                    let shift =
+                        Vector2::new(self.rng.random_range(-1.0..1.0), self.rng.random_range(-1.0..1.0)) * spread;
                     // The long side of the model lies along y, so it is turned if the room is long along x.
                     let turn = if along_x != (k >= 9) { FRAC_PI_2 } else { 0.0 };
                     list.push((-f64::from(k), at(r.center() + shift, turn)));
                 }
             }
             (Place::Row, _) => {
-                let row: Vec<Item> = self
-                    .items
-                    .iter()
-                    .filter(|i| is_row_unit(i.class.name))
-                    .cloned()
-                    .collect();
+                let row: Vec<Item> = self.items.iter().filter(|i| is_row_unit(i.class.name)).cloned().collect();
                 for unit in &row {
                     let front = unit.front();
                     let left = Vector2::new(-front.y, front.x);
@@ -437,23 +367,11 @@ impl<'a> Furnisher<'a> {
                 let p = face.a + along * (s + width / 2.0) + face.inward * (gap + depth / 2.0);
                 let noise = self.rng.random_range(0.0..1.0);
                 let from_middle = (s - spare / 2.0).abs() / (spare / 2.0).max(0.1);
-                let to_corner = if s < spare / 2.0 {
-                    corners[0]
-                } else {
-                    corners[1]
-                };
-                let door = self
-                    .space
-                    .doors
-                    .iter()
-                    .map(|d| (d.0 - p).norm())
-                    .fold(3.0, f64::min)
-                    / 3.0;
+                let to_corner = if s < spare / 2.0 { corners[0] } else { corners[1] };
+                let door = self.space.doors.iter().map(|d| (d.0 - p).norm()).fold(3.0, f64::min) / 3.0;
                 let score = match place {
                     Place::WallMiddle => 1.2 * (1.0 - from_middle) + door,
-                    Place::WallCorner => {
-                        0.8 * from_middle * f64::from(u8::from(to_corner)) + 0.4 * door
-                    }
+                    Place::WallCorner => 0.8 * from_middle * f64::from(u8::from(to_corner)) + 0.4 * door,
                     Place::Opposite => match parent {
                         Some(o) => {
                             let front = o.front();
@@ -467,13 +385,7 @@ impl<'a> Furnisher<'a> {
                     },
                     _ => 0.0,
                 };
-                list.push((
-                    score + noise,
-                    Placement {
-                        origin: Point3::new(p.x, p.y, z),
-                        yaw_rad,
-                    },
-                ));
+                list.push((score + noise, Placement { origin: Point3::new(p.x, p.y, z), yaw_rad }));
             }
         }
     }
@@ -481,17 +393,11 @@ impl<'a> Furnisher<'a> {
 
 /// Kitchen units stand in rows.
 fn is_row_unit(name: &str) -> bool {
-    matches!(
-        name,
-        "counter" | "sink" | "stove" | "fridge" | "dishwasher" | "washing machine" | "dryer"
-    )
+    matches!(name, "counter" | "sink" | "stove" | "fridge" | "dishwasher" | "washing machine" | "dryer")
 }
 
 /// The rectangle before a footprint.
 fn front_of(foot: &Rect, front: Vector2<f64>, depth_m: f64) -> Rect {
     let shift = front * depth_m;
-    Rect {
-        min: foot.min.inf(&(foot.min + shift)),
-        max: foot.max.sup(&(foot.max + shift)),
-    }
+    Rect { min: foot.min.inf(&(foot.min + shift)), max: foot.max.sup(&(foot.max + shift)) }
 }

@@ -18,10 +18,7 @@ pub struct RoomWish {
 
 /// The rooms of one storey, corridors and stairwell not counted, most needed first.
 pub fn program(rng: &mut impl Rng, style: Style, storey: u32, count: usize) -> Vec<RoomWish> {
-    let mut kinds: Vec<RoomKind> = (0..)
-        .flat_map(|round| needs(style, storey, round))
-        .take(count + 2)
-        .collect();
+    let mut kinds: Vec<RoomKind> = (0..).flat_map(|round| needs(style, storey, round)).take(count + 2).collect();
     // One late room may be replaced by the next on the list, and neighbours in need may change places.
     if kinds.len() > 4 && rng.random_bool(0.5) {
         let late = rng.random_range(3..kinds.len());
@@ -38,76 +35,19 @@ pub fn program(rng: &mut impl Rng, style: Style, storey: u32, count: usize) -> V
 /// A wish for one room of a kind.
 pub fn wish(rng: &mut impl Rng, kind: RoomKind) -> RoomWish {
     let (low, high) = area_range_m2(kind);
-    RoomWish {
-        kind,
-        area_m2: rng.random_range(low..high),
-    }
+    RoomWish { kind, area_m2: rng.random_range(low..high) }
 }
 
 /// Rooms in order of need. Large buildings go through the list again from its later rounds.
 fn needs(style: Style, storey: u32, round: usize) -> Vec<RoomKind> {
     use RoomKind::*;
     match (style, storey, round) {
-        (Style::Flat, 0, 0) => vec![
-            LivingRoom,
-            Kitchen,
-            Bedroom,
-            Bathroom,
-            Bedroom,
-            Study,
-            DiningRoom,
-            LaundryRoom,
-        ],
-        (Style::Flat, _, 0) => vec![
-            Bedroom,
-            Bathroom,
-            Bedroom,
-            Study,
-            Bedroom,
-            StorageRoom,
-            LivingRoom,
-        ],
-        (Style::Flat, _, _) => vec![
-            Bedroom,
-            Bathroom,
-            StorageRoom,
-            Bedroom,
-            Study,
-            LivingRoom,
-            Bedroom,
-            Kitchen,
-        ],
-        (Style::Office, 0, 0) => vec![
-            Office,
-            MeetingRoom,
-            Kitchen,
-            Reception,
-            Office,
-            Restroom,
-            PrintRoom,
-            Lab,
-        ],
-        (Style::Office, _, 0) => vec![
-            Office,
-            MeetingRoom,
-            Office,
-            Restroom,
-            Lounge,
-            Office,
-            PrintRoom,
-            Lab,
-        ],
-        (Style::Office, _, _) => vec![
-            Office,
-            Lounge,
-            Office,
-            StorageRoom,
-            MeetingRoom,
-            Lab,
-            Office,
-            Kitchen,
-            Restroom,
-        ],
+        (Style::Flat, 0, 0) => vec![LivingRoom, Kitchen, Bedroom, Bathroom, Bedroom, Study, DiningRoom, LaundryRoom],
+        (Style::Flat, _, 0) => vec![Bedroom, Bathroom, Bedroom, Study, Bedroom, StorageRoom, LivingRoom],
+        (Style::Flat, _, _) => vec![Bedroom, Bathroom, StorageRoom, Bedroom, Study, LivingRoom, Bedroom, Kitchen],
+        (Style::Office, 0, 0) => vec![Office, MeetingRoom, Kitchen, Reception, Office, Restroom, PrintRoom, Lab],
+        (Style::Office, _, 0) => vec![Office, MeetingRoom, Office, Restroom, Lounge, Office, PrintRoom, Lab],
+        (Style::Office, _, _) => vec![Office, Lounge, Office, StorageRoom, MeetingRoom, Lab, Office, Kitchen, Restroom],
     }
 }
 
@@ -138,10 +78,7 @@ fn area_range_m2(kind: RoomKind) -> (f64, f64) {
 /// Rooms that may be narrow and are often cut out of the corner of a larger one.
 pub fn is_small(kind: RoomKind) -> bool {
     use RoomKind::*;
-    matches!(
-        kind,
-        Bathroom | Restroom | LaundryRoom | StorageRoom | PrintRoom
-    )
+    matches!(kind, Bathroom | Restroom | LaundryRoom | StorageRoom | PrintRoom)
 }
 
 #[cfg(test)]
@@ -154,15 +91,9 @@ mod tests {
     fn a_small_flat_has_a_living_room_and_a_kitchen() {
         for seed in 0..50 {
             let kinds: Vec<RoomKind> =
-                program(&mut ChaCha8Rng::seed_from_u64(seed), Style::Flat, 0, 4)
-                    .iter()
-                    .map(|w| w.kind)
-                    .collect();
+                program(&mut ChaCha8Rng::seed_from_u64(seed), Style::Flat, 0, 4).iter().map(|w| w.kind).collect();
             assert_eq!(kinds.len(), 4);
-            assert!(
-                kinds.contains(&RoomKind::LivingRoom) && kinds.contains(&RoomKind::Kitchen),
-                "{kinds:?}"
-            );
+            assert!(kinds.contains(&RoomKind::LivingRoom) && kinds.contains(&RoomKind::Kitchen), "{kinds:?}");
         }
     }
 

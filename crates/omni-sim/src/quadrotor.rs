@@ -6,158 +6,14 @@
 //! accelerations at the end of a step come from the dynamics at the predicted state, and vary linearly within it (the
 //! trapezoidal rule with one predictor step), so the motion the sensors see is the motion that was integrated.
 
+mod config;
+
+pub use config::{QuadrotorConfig, QuadrotorError, RotorConfig};
+
 use crate::contact::{Contact, ContactWorld};
 use crate::motion::{KinematicState, Motion};
 use crate::track::{Cubic, Jet, MotionTrack, Piece, Turn, Vibration};
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use thiserror::Error;
-
-/// One rotor.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RotorConfig {
-    /// Hub in the body frame.
-    pub position_m: Point3<f64>,
-    /// Direction of the thrust in the body frame, of length one.
-    pub axis: Vector3<f64>,
-    /// +1 for counter-clockwise about the axis, -1 for clockwise.
-    pub spin: f64,
-    /// Thrust by squared speed, N s^2.
-    pub thrust_coefficient_n_s2: f64,
-    /// Moment by thrust.
-    pub moment_ratio_m: f64,
-    /// Highest speed.
-    pub max_speed_radps: f64,
-    /// Time constant when getting faster.
-    pub time_constant_up_s: f64,
-    /// Time constant when getting slower.
-    pub time_constant_down_s: f64,
-}
-
-/// Body, rotors and the world's numbers.
-#[derive(Debug, Clone, PartialEq)]
-pub struct QuadrotorConfig {
-    /// Mass.
-    pub mass_kg: f64,
-    /// Centre of mass in the body frame.
-    pub center_of_mass: Point3<f64>,
-    /// Inertia about the centre of mass, body axes, kg m^2.
-    pub inertia_kgm2: Matrix3<f64>,
-    /// The rotors.
-    pub rotors: Vec<RotorConfig>,
-    /// Linear drag along the body axes, N s/m.
-    pub drag_ns_per_m: Vector3<f64>,
-    /// Length of gravity (9.81).
-    pub gravity_mps2: f64,
-    /// Radius of the shake that the rotors' imbalance makes at their mean speed (5e-7: 0.3 m/s^2 at 740 rad/s); 0 for none.
-    pub vibration_m: f64,
-    /// Stiffness of a contact point, N/m (8000).
-    pub contact_stiffness: f64,
-    /// Damping of a contact point, N s/m (40).
-    pub contact_damping: f64,
-    /// Friction of a contact (0.5).
-    pub contact_friction: f64,
-}
-
-impl QuadrotorConfig {
-    /// The x500 of PX4's models: 2.06 kg, rotors at (+-0.174, +-0.174, 0.06).
-    pub fn x500() -> Self {
-        let rotor = |x: f64, y: f64, spin: f64| RotorConfig {
-            position_m: Point3::new(x, y, 0.06),
-            axis: Vector3::z(),
-            spin,
-            thrust_coefficient_n_s2: 8.54858e-6,
-            moment_ratio_m: 0.016,
-            max_speed_radps: 1000.0,
-            time_constant_up_s: 0.0125,
-            time_constant_down_s: 0.025,
-        };
-        QuadrotorConfig {
-            mass_kg: 2.0643,
-            center_of_mass: Point3::origin(),
-            inertia_kgm2: Matrix3::from_diagonal(&Vector3::new(0.0217, 0.0217, 0.04)),
-            rotors: vec![
-                rotor(0.174, -0.174, 1.0),
-                rotor(-0.174, 0.174, 1.0),
-                rotor(0.174, 0.174, -1.0),
-                rotor(-0.174, -0.174, -1.0),
-            ],
-            drag_ns_per_m: Vector3::new(0.3, 0.3, 0.4),
-            gravity_mps2: 9.81,
-            vibration_m: 5e-7,
-            contact_stiffness: 8000.0,
-            contact_damping: 40.0,
-            contact_friction: 0.5,
-        }
-    }
-
-    /// Checks every number.
-    pub fn validate(&self) -> Result<(), QuadrotorError> {
-        let positive = |x: f64| x > 0.0 && x.is_finite();
-        let not_negative = |x: f64| x >= 0.0 && x.is_finite();
-        let is_rotor_good = |r: &RotorConfig| {
-            r.position_m.iter().all(|x| x.is_finite())
-                && (r.axis.norm() - 1.0).abs() < 1e-6
-                && (r.spin.abs() - 1.0).abs() < 1e-9
-                && positive(r.thrust_coefficient_n_s2)
-                && not_negative(r.moment_ratio_m)
-                && positive(r.max_speed_radps)
-                && positive(r.time_constant_up_s)
-                && positive(r.time_constant_down_s)
-        };
-        let inertia = self.inertia_kgm2;
-        let is_inertia_good = inertia.iter().all(|x| x.is_finite())
-            && (inertia - inertia.transpose()).norm() <= 1e-9 * inertia.norm()
-            && inertia.symmetric_eigenvalues().min() > 0.0;
-        let good = positive(self.mass_kg)
-            && self.center_of_mass.iter().all(|x| x.is_finite())
-            && is_inertia_good
-            && !self.rotors.is_empty()
-            && self.rotors.iter().all(is_rotor_good)
-            && self.drag_ns_per_m.iter().all(|x| not_negative(*x))
-            && not_negative(self.gravity_mps2)
-            && (0.0..0.01).contains(&self.vibration_m)
-            && not_negative(self.contact_stiffness)
-            && not_negative(self.contact_damping)
-            && not_negative(self.contact_friction);
-        if good {
-            Ok(())
-        } else {
-            Err(QuadrotorError::Config)
-        }
-    }
-
-    /// Rotor speed at which equal rotors carry the weight; may be above the highest speed.
-    pub fn hover_speed_radps(&self) -> f64 {
-        let lift: f64 = self
-            .rotors
-            .iter()
-            .map(|r| r.thrust_coefficient_n_s2 * r.axis.z)
-            .sum();
-        (self.mass_kg * self.gravity_mps2 / lift.max(1e-12)).sqrt()
-    }
-}
-
-/// Why the quadrotor cannot be made or moved.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum QuadrotorError {
-    /// A number of the configuration is out of its range.
-    #[error("a number of the quadrotor's configuration is out of range")]
-    Config,
-    /// Start or command is NaN or infinite.
-    #[error("the start or a rotor command is not finite")]
-    NotFinite,
-    /// Not one command for each rotor.
-    #[error("{given} rotor commands for {rotors} rotors")]
-    CommandLength {
-        /// Number of commands.
-        given: usize,
-        /// Number of rotors.
-        rotors: usize,
-    },
-    /// The step is not positive or longer than a second.
-    #[error("the time step is not positive or longer than a second")]
-    Step,
-}
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// The body, its rotors and the motion so far.
 #[derive(Debug, Clone)]
@@ -188,15 +44,9 @@ impl Quadrotor {
         if !state.is_finite() || !rotor_speed_radps.is_finite() {
             return Err(QuadrotorError::NotFinite);
         }
-        let inverse_inertia = config
-            .inertia_kgm2
-            .try_inverse()
-            .ok_or(QuadrotorError::Config)?;
-        let rotor_speeds_radps = config
-            .rotors
-            .iter()
-            .map(|r| rotor_speed_radps.clamp(0.0, r.max_speed_radps))
-            .collect();
+        let inverse_inertia = config.inertia_kgm2.try_inverse().ok_or(QuadrotorError::Config)?;
+        let rotor_speeds_radps =
+            config.rotors.iter().map(|r| rotor_speed_radps.clamp(0.0, r.max_speed_radps)).collect();
         Ok(Quadrotor {
             config,
             inverse_inertia,
@@ -258,20 +108,10 @@ impl Quadrotor {
     }
 
     /// One piece, up to `end_ns`.
-    fn advance(
-        &mut self,
-        end_ns: i64,
-        commands: &[f64],
-        contacts: Option<&mut ContactWorld>,
-    ) -> Vec<Contact> {
+    fn advance(&mut self, end_ns: i64, commands: &[f64], contacts: Option<&mut ContactWorld>) -> Vec<Contact> {
         let start_ns = self.track.end_ns();
         let h = (end_ns - start_ns) as f64 * 1e-9;
-        for ((speed, command), rotor) in self
-            .rotor_speeds_radps
-            .iter_mut()
-            .zip(commands)
-            .zip(&self.config.rotors)
-        {
+        for ((speed, command), rotor) in self.rotor_speeds_radps.iter_mut().zip(commands).zip(&self.config.rotors) {
             let command = command.clamp(0.0, rotor.max_speed_radps);
             let constant = match command > *speed {
                 true => rotor.time_constant_up_s,
@@ -283,9 +123,7 @@ impl Quadrotor {
         let start = self.state;
         let acceleration = start.acceleration_world;
         let turn = start.angular_acceleration_body;
-        let predicted = self
-            .piece(start_ns, end_ns, &acceleration, &turn)
-            .at(end_ns);
+        let predicted = self.piece(start_ns, end_ns, &acceleration, &turn).at(end_ns);
         let touched = match contacts {
             Some(world) => world.contacts(&predicted.world_from_body, end_ns),
             None => Vec::new(),
@@ -299,13 +137,7 @@ impl Quadrotor {
     }
 
     /// The piece that starts with the present state and ends with these accelerations.
-    fn piece(
-        &self,
-        start_ns: i64,
-        end_ns: i64,
-        acceleration: &Vector3<f64>,
-        turn: &Vector3<f64>,
-    ) -> Piece {
+    fn piece(&self, start_ns: i64, end_ns: i64, acceleration: &Vector3<f64>, turn: &Vector3<f64>) -> Piece {
         let h = (end_ns - start_ns) as f64 * 1e-9;
         let state = &self.state;
         let position = [0, 1, 2].map(|k| {
@@ -331,20 +163,13 @@ impl Quadrotor {
             start_ns,
             duration_ns: end_ns - start_ns,
             position,
-            turn: Turn::Exponential {
-                start: state.world_from_body.rotation,
-                vector,
-            },
+            turn: Turn::Exponential { start: state.world_from_body.rotation, vector },
             vibration: None,
         }
     }
 
     /// Acceleration of the body's origin (world) and angular acceleration (body) in a state, by Newton and Euler.
-    fn accelerations(
-        &self,
-        state: &KinematicState,
-        contacts: &[Contact],
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    fn accelerations(&self, state: &KinematicState, contacts: &[Contact]) -> (Vector3<f64>, Vector3<f64>) {
         let config = &self.config;
         let rotation = state.world_from_body.rotation;
         let rate = state.angular_velocity_body;
@@ -361,14 +186,9 @@ impl Quadrotor {
         // Many points carry together what four would: else a flat foot would be stiffer than a pointed one.
         let share = 4.0 / contacts.len().max(4) as f64;
         for contact in contacts {
-            let arm = state
-                .world_from_body
-                .inverse_transform_point(&contact.point)
-                .coords
-                - center;
+            let arm = state.world_from_body.inverse_transform_point(&contact.point).coords - center;
             let speed = velocity + rate.cross(&(arm));
-            let push =
-                rotation.inverse() * self.contact_force(contact, &(rotation * speed)) * share;
+            let push = rotation.inverse() * self.contact_force(contact, &(rotation * speed)) * share;
             force += push;
             moment += arm.cross(&push);
         }
@@ -397,16 +217,12 @@ impl Quadrotor {
         if self.config.vibration_m == 0.0 {
             return None;
         }
-        let mean =
-            self.rotor_speeds_radps.iter().sum::<f64>() / self.rotor_speeds_radps.len() as f64;
+        let mean = self.rotor_speeds_radps.iter().sum::<f64>() / self.rotor_speeds_radps.len() as f64;
         // Follows the mean speed within 20 ms, smoothly enough for a second derivative.
         let phase = Cubic::reaching(self.shake, 50.0 * (mean - self.shake.rate), h);
         self.shake = phase.at(h);
         self.shake.value = self.shake.value.rem_euclid(std::f64::consts::TAU);
-        Some(Vibration {
-            amplitude_m: self.config.vibration_m,
-            phase,
-        })
+        Some(Vibration { amplitude_m: self.config.vibration_m, phase })
     }
 }
 
@@ -425,11 +241,7 @@ mod tests {
     use super::*;
 
     fn calm() -> QuadrotorConfig {
-        QuadrotorConfig {
-            vibration_m: 0.0,
-            drag_ns_per_m: Vector3::zeros(),
-            ..QuadrotorConfig::x500()
-        }
+        QuadrotorConfig { vibration_m: 0.0, drag_ns_per_m: Vector3::zeros(), ..QuadrotorConfig::x500() }
     }
 
     #[test]
@@ -437,8 +249,7 @@ mod tests {
         let config = calm();
         let hover = config.hover_speed_radps();
         assert!((hover - 769.5).abs() < 0.5, "{hover}"); // sqrt(2.0643 * 9.81 / (4 * 8.54858e-6))
-        let mut robot =
-            Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 1.0), hover).unwrap();
+        let mut robot = Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 1.0), hover).unwrap();
         for _ in 0..10 {
             robot.step(0.1, &[hover; 4], None).unwrap();
         }
@@ -448,8 +259,7 @@ mod tests {
 
     #[test]
     fn falls_without_thrust() {
-        let mut robot =
-            Quadrotor::new(calm(), 0, Isometry3::translation(0.0, 0.0, 10.0), 0.0).unwrap();
+        let mut robot = Quadrotor::new(calm(), 0, Isometry3::translation(0.0, 0.0, 10.0), 0.0).unwrap();
         robot.step(1.0, &[0.0; 4], None).unwrap();
         // The first millisecond ramps the acceleration from rest to g: g/2 * (1 - h + h^2/3).
         let drop = 10.0 - robot.state().world_from_body.translation.z;
@@ -461,13 +271,7 @@ mod tests {
         let config = calm();
         let hover = config.hover_speed_radps();
         let mut robot = Quadrotor::new(config, 0, Isometry3::identity(), hover).unwrap();
-        robot
-            .step(
-                0.2,
-                &[hover + 20.0, hover + 20.0, hover - 20.0, hover - 20.0],
-                None,
-            )
-            .unwrap();
+        robot.step(0.2, &[hover + 20.0, hover + 20.0, hover - 20.0, hover - 20.0], None).unwrap();
         let rate = robot.state().angular_velocity_body;
         assert!(rate.z < -0.05 && rate.xy().norm() < 1e-9, "{rate}");
     }
@@ -481,12 +285,8 @@ mod tests {
         let mut robot = Quadrotor::new(config, 0, Isometry3::identity(), 0.0).unwrap();
         // About the middle axis: tumbles (Dzhanibekov).
         robot.state.angular_velocity_body = Vector3::new(0.05, 6.0, 0.02);
-        let momentum =
-            |s: &KinematicState| s.world_from_body.rotation * (inertia * s.angular_velocity_body);
-        let energy = |s: &KinematicState| {
-            s.angular_velocity_body
-                .dot(&(inertia * s.angular_velocity_body))
-        };
+        let momentum = |s: &KinematicState| s.world_from_body.rotation * (inertia * s.angular_velocity_body);
+        let energy = |s: &KinematicState| s.angular_velocity_body.dot(&(inertia * s.angular_velocity_body));
         let before = robot.state();
         robot.step(1.0, &[0.0; 4], None).unwrap();
         robot.step(1.0, &[0.0; 4], None).unwrap();
@@ -499,22 +299,10 @@ mod tests {
     fn bad_input_is_refused() {
         let mut robot = Quadrotor::new(calm(), 0, Isometry3::identity(), 0.0).unwrap();
         let short = robot.step(0.01, &[1.0; 3], None).unwrap_err();
-        assert_eq!(
-            short,
-            QuadrotorError::CommandLength {
-                given: 3,
-                rotors: 4
-            }
-        );
-        assert_eq!(
-            robot.step(0.01, &[f64::NAN; 4], None),
-            Err(QuadrotorError::NotFinite)
-        );
+        assert_eq!(short, QuadrotorError::CommandLength { given: 3, rotors: 4 });
+        assert_eq!(robot.step(0.01, &[f64::NAN; 4], None), Err(QuadrotorError::NotFinite));
         assert_eq!(robot.step(-1.0, &[0.0; 4], None), Err(QuadrotorError::Step));
-        let flat = QuadrotorConfig {
-            inertia_kgm2: Matrix3::zeros(),
-            ..calm()
-        };
+        let flat = QuadrotorConfig { inertia_kgm2: Matrix3::zeros(), ..calm() };
         assert_eq!(flat.validate(), Err(QuadrotorError::Config));
     }
 }

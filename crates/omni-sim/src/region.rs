@@ -30,11 +30,7 @@ pub fn regions_of(pixels: &[u32], height: u32) -> BTreeMap<u32, Region> {
             let to = from + run.len() as u32;
             if run[0] != 0 {
                 let column = column as u32;
-                regions
-                    .entry(run[0])
-                    .or_default()
-                    .runs
-                    .push(Run { column, from, to });
+                regions.entry(run[0]).or_default().runs.push(Run { column, from, to });
             }
             from = to;
         }
@@ -62,23 +58,14 @@ impl Region {
     /// The pixels of an axis-parallel ellipse that lie in a picture of `width` x `height`.
     pub fn ellipse(center: (f64, f64), axes: (f64, f64), width: u32, height: u32) -> Region {
         let first = (center.0 - axes.0).ceil().max(0.0) as u32;
-        let last = (center.0 + axes.0)
-            .floor()
-            .clamp(-1.0, f64::from(width) - 1.0);
+        let last = (center.0 + axes.0).floor().clamp(-1.0, f64::from(width) - 1.0);
         let mut runs = Vec::new();
         for column in first..(last + 1.0) as u32 {
             let x = (f64::from(column) - center.0) / axes.0;
             let half = axes.1 * (1.0 - x * x).max(0.0).sqrt();
             let from = (center.1 - half).ceil().clamp(0.0, f64::from(height)) as u32;
-            let to = (center.1 + half)
-                .floor()
-                .clamp(-1.0, f64::from(height) - 1.0) as i64
-                + 1;
-            runs.push(Run {
-                column,
-                from,
-                to: to as u32,
-            });
+            let to = (center.1 + half).floor().clamp(-1.0, f64::from(height) - 1.0) as i64 + 1;
+            runs.push(Run { column, from, to: to as u32 });
         }
         Region::from_runs(runs)
     }
@@ -109,11 +96,7 @@ impl Region {
         match widest {
             Some(i) if gap(&i) > 1 => {
                 let (left, right) = self.runs.split_at(i);
-                [left, right]
-                    .map(|runs| Region {
-                        runs: runs.to_vec(),
-                    })
-                    .into()
+                [left, right].map(|runs| Region { runs: runs.to_vec() }).into()
             }
             _ => vec![self],
         }
@@ -153,35 +136,30 @@ impl Region {
 
     /// All pixels with no pixel outside the region within `radius`; the picture's border does not count as outside.
     pub fn eroded(&self, radius: u32, width: u32, height: u32) -> Region {
-        let outside = self
-            .complement(width, height)
-            .dilated(radius, width, height);
-        outside.complement(width, height)
+        let (Some(first), Some(last)) = (self.runs.first(), self.runs.last()) else {
+            return Region::default();
+        };
+        let columns = first.column..(last.column + 1).min(width);
+        let around = columns.start.saturating_sub(radius)..columns.end.saturating_add(radius).min(width);
+        let outside = self.complement(around, height);
+        outside.dilated(radius, width, height).complement(columns, height)
     }
 
-    /// All other pixels of the picture.
-    fn complement(&self, width: u32, height: u32) -> Region {
+    /// The other pixels of some columns.
+    fn complement(&self, columns: std::ops::Range<u32>, height: u32) -> Region {
         let mut runs = Vec::new();
-        let mut next = 0;
-        for column in 0..width {
+        let mut next = self.runs.partition_point(|r| r.column < columns.start);
+        for column in columns {
             let mut from = 0;
             while let Some(run) = self.runs.get(next).filter(|r| r.column == column) {
                 if from < run.from {
-                    runs.push(Run {
-                        column,
-                        from,
-                        to: run.from,
-                    });
+                    runs.push(Run { column, from, to: run.from });
                 }
                 from = run.to;
                 next += 1;
             }
             if from < height {
-                runs.push(Run {
-                    column,
-                    from,
-                    to: height,
-                });
+                runs.push(Run { column, from, to: height });
             }
         }
         Region { runs }
@@ -229,9 +207,7 @@ mod tests {
 
     /// A 4 x 3 picture, column-major.
     fn picture() -> Region {
-        let pixels = [
-            0, 0, 5, /**/ 5, 5, 0, /**/ 0, 0, 0, /**/ 0, 5, 5,
-        ];
+        let pixels = [0, 0, 5, /**/ 5, 5, 0, /**/ 0, 0, 0, /**/ 0, 5, 5];
         regions_of(&pixels, 3).remove(&5).unwrap()
     }
 

@@ -68,47 +68,33 @@ fn render_with_blocks(
     let scene = Scene {
         snapshot,
         origin: Point3::from(world_from_camera.translation.vector).cast(),
-        world_from_camera: world_from_camera
-            .rotation
-            .to_rotation_matrix()
-            .matrix()
-            .cast(),
-        columns: (0..width + block + 1)
-            .map(|x| unit(view.theta_rad(x as f64 + 0.5)))
-            .collect(),
-        rows: (0..height + block + 1)
-            .map(|y| unit(view.phi_rad(y as f64 + 0.5)))
-            .collect(),
+        world_from_camera: world_from_camera.rotation.to_rotation_matrix().matrix().cast(),
+        columns: (0..width + block + 1).map(|x| unit(view.theta_rad(x as f64 + 0.5))).collect(),
+        rows: (0..height + block + 1).map(|y| unit(view.phi_rad(y as f64 + 0.5))).collect(),
         max_range: max_range_m as f32,
-        boxes: if block == 1 {
-            Vec::new()
-        } else {
-            boxes_in_view(snapshot, world_from_camera, view)
-        },
+        boxes: if block == 1 { Vec::new() } else { boxes_in_view(snapshot, world_from_camera, view) },
         height,
         block,
     };
-    let starts: Vec<usize> = (0..width).step_by(STRIP).collect();
-    let strips: Vec<Strip<'_>> = starts
-        .par_iter()
-        .map(|&x0| {
-            let mut strip = Strip::new(&scene, x0, STRIP.min(width - x0));
+    let mut rendering =
+        Rendering { view: *view, rgb: vec![0; 3 * width * height], instances: vec![0; width * height], rays: 0 };
+    // A strip's columns are one piece of the column-major instances; its colours are copied row by row.
+    let tiles: Vec<(usize, Vec<u8>)> = rendering
+        .instances
+        .par_chunks_mut(STRIP * height)
+        .enumerate()
+        .map_init(Samples::default, |samples, (index, instances)| {
+            let mut strip = Strip::new(&scene, index * STRIP, samples, instances);
             strip.render();
-            strip
+            let rgb = strip.rgb;
+            (samples.found.len(), rgb)
         })
         .collect();
-
-    let mut rendering = Rendering {
-        view: *view,
-        rgb: vec![0; 3 * width * height],
-        instances: Vec::with_capacity(width * height),
-        rays: 0,
-    };
-    for strip in strips {
-        rendering.instances.extend_from_slice(&strip.instances);
-        rendering.rays += strip.samples.len();
-        for (y, row) in strip.rgb.chunks_exact(3 * strip.width).enumerate() {
-            let at = 3 * (y * width + strip.x0);
+    for (index, (rays, tile)) in tiles.iter().enumerate() {
+        rendering.rays += rays;
+        let x0 = index * STRIP;
+        for (y, row) in tile.chunks_exact(tile.len() / height).enumerate() {
+            let at = 3 * (y * width + x0);
             rendering.rgb[at..at + row.len()].copy_from_slice(row);
         }
     }
@@ -147,16 +133,8 @@ impl Scene<'_> {
         let ((cos_theta, sin_theta), (cos_phi, sin_phi)) = (self.columns[x], self.rows[y]);
         let in_camera = Vector3::new(cos_phi * cos_theta, cos_phi * sin_theta, sin_phi);
         let direction = self.world_from_camera * in_camera;
-        match self
-            .snapshot
-            .cast(&self.origin, &direction, self.max_range, stack)
-        {
-            None => Sample {
-                facet: u32::MAX,
-                instance: 0,
-                range: self.max_range,
-                color: [0.0; 3],
-            },
+        match self.snapshot.cast(&self.origin, &direction, self.max_range, stack) {
+            None => Sample { facet: u32::MAX, instance: 0, range: self.max_range, color: [0.0; 3] },
             Some((range, index)) => {
                 let surface = self.snapshot.world().surface(index);
                 let light = brightness(&self.snapshot.normal(index), &direction, range);
@@ -188,36 +166,40 @@ struct Strip<'a> {
     x0: usize,
     width: usize,
     rgb: Vec<u8>,
-    instances: Vec<InstanceId>,
-    samples: Vec<Sample>,
-    /// Index of the sample at each pixel, one block beyond the strip on the right and below.
-    sample_at: Vec<u32>,
+    instances: &'a mut [InstanceId],
+    samples: &'a mut Samples,
     stride: usize,
     /// Things whose boxes may be seen in this strip.
     boxes: Vec<&'a BoxInView>,
+}
+
+/// The samples of a strip; the memory goes from strip to strip.
+#[derive(Default)]
+struct Samples {
+    found: Vec<Sample>,
+    /// Index of the sample at each pixel, one block beyond the strip on the right and below.
+    at: Vec<u32>,
     stack: RayStack,
 }
 
 const NO_SAMPLE: u32 = u32::MAX;
 
 impl<'a> Strip<'a> {
-    fn new(scene: &'a Scene<'a>, x0: usize, width: usize) -> Self {
+    fn new(scene: &'a Scene<'a>, x0: usize, samples: &'a mut Samples, instances: &'a mut [InstanceId]) -> Self {
+        let width = instances.len() / scene.height;
         let stride = width + scene.block + 1;
+        samples.found.clear();
+        samples.at.clear();
+        samples.at.resize(stride * (scene.height + scene.block + 1), NO_SAMPLE);
         Strip {
             scene,
             x0,
             width,
             rgb: vec![0; 3 * width * scene.height],
-            instances: vec![0; width * scene.height],
-            samples: Vec::new(),
-            sample_at: vec![NO_SAMPLE; stride * (scene.height + scene.block + 1)],
+            instances,
+            samples,
             stride,
-            boxes: scene
-                .boxes
-                .iter()
-                .filter(|b| b.overlaps_columns(x0, x0 + width + scene.block))
-                .collect(),
-            stack: RayStack::default(),
+            boxes: scene.boxes.iter().filter(|b| b.overlaps_columns(x0, x0 + width + scene.block)).collect(),
         }
     }
 
@@ -240,12 +222,8 @@ impl<'a> Strip<'a> {
             self.put(x, y, &sample);
             return;
         }
-        let corners = [
-            self.sample(x, y),
-            self.sample(x + size, y),
-            self.sample(x, y + size),
-            self.sample(x + size, y + size),
-        ];
+        let corners =
+            [self.sample(x, y), self.sample(x + size, y), self.sample(x, y + size), self.sample(x + size, y + size)];
         if size <= self.uniform_size(&corners, x, y, size) {
             self.interpolate(x, y, size, &corners);
             return;
@@ -287,12 +265,13 @@ impl<'a> Strip<'a> {
 
     fn sample(&mut self, x: usize, y: usize) -> Sample {
         let at = y * self.stride + x;
-        if self.sample_at[at] == NO_SAMPLE {
-            let sample = self.scene.sample(self.x0 + x, y, &mut self.stack);
-            self.sample_at[at] = self.samples.len() as u32;
-            self.samples.push(sample);
+        let samples = &mut *self.samples;
+        if samples.at[at] == NO_SAMPLE {
+            let sample = self.scene.sample(self.x0 + x, y, &mut samples.stack);
+            samples.at[at] = samples.found.len() as u32;
+            samples.found.push(sample);
         }
-        self.samples[self.sample_at[at] as usize]
+        samples.found[samples.at[at] as usize]
     }
 
     fn interpolate(&mut self, x: usize, y: usize, size: usize, corners: &[Sample; 4]) {
@@ -314,11 +293,7 @@ impl<'a> Strip<'a> {
         for j in 0..rows {
             let at = 3 * ((y + j) * self.width + x);
             let mut color = left;
-            let slope = [
-                (right[0] - left[0]) >> shift,
-                (right[1] - left[1]) >> shift,
-                (right[2] - left[2]) >> shift,
-            ];
+            let slope = [(right[0] - left[0]) >> shift, (right[1] - left[1]) >> shift, (right[2] - left[2]) >> shift];
             for pixel in self.rgb[at..at + 3 * columns].chunks_exact_mut(3) {
                 for k in 0..3 {
                     pixel[k] = (color[k] >> 16) as u8;
@@ -359,19 +334,11 @@ struct BoxInView {
 impl BoxInView {
     fn overlaps_columns(&self, left: usize, right: usize) -> bool {
         let (first, last) = self.columns;
-        if first <= last {
-            first <= right && last >= left
-        } else {
-            last >= left || first <= right
-        }
+        if first <= last { first <= right && last >= left } else { last >= left || first <= right }
     }
 }
 
-fn boxes_in_view(
-    snapshot: &Snapshot<'_>,
-    world_from_camera: &Isometry3<f64>,
-    view: &Equirect,
-) -> Vec<BoxInView> {
+fn boxes_in_view(snapshot: &Snapshot<'_>, world_from_camera: &Isometry3<f64>, view: &Equirect) -> Vec<BoxInView> {
     let camera_from_world: Isometry3<f32> = world_from_camera.inverse().cast();
     snapshot
         .world()
@@ -388,20 +355,12 @@ fn boxes_in_view(
 }
 
 /// `None` when the box is wholly above or below the picture.
-fn box_in_view(
-    extent: &Extent,
-    camera_from_mesh: &Isometry3<f32>,
-    view: &Equirect,
-) -> Option<BoxInView> {
+fn box_in_view(extent: &Extent, camera_from_mesh: &Isometry3<f32>, view: &Equirect) -> Option<BoxInView> {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
     for i in 0..8 {
         let pick = |k: usize| {
-            if i >> k & 1 == 0 {
-                extent.low[k]
-            } else {
-                extent.high[k]
-            }
+            if i >> k & 1 == 0 { extent.low[k] } else { extent.high[k] }
         };
         let corner = camera_from_mesh * Point3::new(pick(0), pick(1), pick(2));
         let corner: Vector3<f64> = corner.coords.cast();
@@ -415,9 +374,7 @@ fn box_in_view(
     let far = reach(0).hypot(reach(1));
     let nearest = near.hypot(gap(2));
     let phi = |z: f64, toward_pole: f64| z.atan2(if z * toward_pole > 0.0 { near } else { far });
-    let row = |phi: f64| {
-        f64::from(view.height) * (view.phi_top_rad - phi) / (view.phi_top_rad - view.phi_bottom_rad)
-    };
+    let row = |phi: f64| f64::from(view.height) * (view.phi_top_rad - phi) / (view.phi_top_rad - view.phi_bottom_rad);
     let (top, bottom) = (row(phi(high.z, 1.0)), row(phi(low.z, -1.0)));
     let last_row = f64::from(view.height);
     if bottom < 0.0 || top > last_row {
@@ -435,12 +392,7 @@ fn box_in_view(
 }
 
 /// Columns of a box and how many they are.
-fn columns_of(
-    low: &Vector3<f64>,
-    high: &Vector3<f64>,
-    near: f64,
-    view: &Equirect,
-) -> ((usize, usize), f64) {
+fn columns_of(low: &Vector3<f64>, high: &Vector3<f64>, near: f64, view: &Equirect) -> ((usize, usize), f64) {
     let width = f64::from(view.width);
     if near <= 0.0 {
         return ((0, view.width as usize), width);
@@ -448,12 +400,7 @@ fn columns_of(
     let middle = (low + high) / 2.0;
     let center = middle.y.atan2(middle.x);
     let (mut left, mut right) = (0.0_f64, 0.0_f64);
-    for (x, y) in [
-        (low.x, low.y),
-        (low.x, high.y),
-        (high.x, low.y),
-        (high.x, high.y),
-    ] {
+    for (x, y) in [(low.x, low.y), (low.x, high.y), (high.x, low.y), (high.x, high.y)] {
         // Relative to the middle no angle passes half a turn, because the camera is outside.
         let turn = (y * center.cos() - x * center.sin()).atan2(x * center.cos() + y * center.sin());
         left = left.max(turn);

@@ -27,49 +27,20 @@ pub fn scene_names() -> &'static [&'static str] {
 ///
 /// `None` for any other name.
 pub fn named_scene(name: &str) -> Option<Building> {
-    let room = |kind, x0, y0, x1, y1| PlanRoom {
-        kind,
-        parts: vec![Cells::new(x0, y0, x1, y1)],
-    };
+    let room = |kind, x0, y0, x1, y1| PlanRoom { kind, parts: vec![Cells::new(x0, y0, x1, y1)] };
     let build = |rooms, doors: Vec<PlanDoor>, seed, furnishing| {
         raise(&[StoreyPlan { rooms }], &[doors], seed, 0.95, furnishing)
     };
     match name {
         "flat" => first_that(FLAT_SEED, Style::Flat, keeps_flat_promise),
         "office" => first_that(OFFICE_SEED, Style::Office, keeps_office_promise),
-        "corridor" => Some(build(
-            vec![room(RoomKind::Corridor, 0, 0, 600, 38)],
-            vec![],
-            1,
-            Furnishing::Bare,
-        )),
+        "corridor" => Some(build(vec![room(RoomKind::Corridor, 0, 0, 600, 38)], vec![], 1, Furnishing::Bare)),
         "narrow-door" => {
-            let rooms = vec![
-                room(RoomKind::Study, 0, 0, 90, 84),
-                room(RoomKind::LivingRoom, 90, 0, 190, 90),
-            ];
-            let opening = Border {
-                vertical: true,
-                line: 90,
-                from: 36,
-                to: 50,
-            };
-            Some(build(
-                rooms,
-                vec![PlanDoor {
-                    rooms: (0, 1),
-                    opening,
-                }],
-                5,
-                Furnishing::Full,
-            ))
+            let rooms = vec![room(RoomKind::Study, 0, 0, 90, 84), room(RoomKind::LivingRoom, 90, 0, 190, 90)];
+            let opening = Border { vertical: true, line: 90, from: 36, to: 50 };
+            Some(build(rooms, vec![PlanDoor { rooms: (0, 1), opening }], 5, Furnishing::Full))
         }
-        "spin" => Some(build(
-            vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)],
-            vec![],
-            3,
-            Furnishing::Full,
-        )),
+        "spin" => Some(build(vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)], vec![], 3, Furnishing::Full)),
         _ => None,
     }
 }
@@ -77,12 +48,7 @@ pub fn named_scene(name: &str) -> Option<Building> {
 /// The first building of five rooms that keeps a promise.
 fn first_that(seed: u64, style: Style, promise: impl Fn(&Building) -> bool) -> Option<Building> {
     (seed..seed + SEEDS).find_map(|seed| {
-        let config = BuildingConfig {
-            seed,
-            rooms: 5,
-            style,
-            ..Default::default()
-        };
+        let config = BuildingConfig { seed, rooms: 5, style, ..Default::default() };
         generate(&config).ok().filter(|b| promise(b))
     })
 }
@@ -94,9 +60,8 @@ fn keeps_flat_promise(building: &Building) -> bool {
     };
     let of = |class: &'static str| building.objects.iter().filter(move |o| o.class == class);
     let (here, elsewhere): (Vec<_>, Vec<_>) = of("mug").partition(|m| m.room == kitchen.id);
-    let near_sink = |m: &&&crate::building::ObjectTruth| {
-        of("sink").any(|s| s.room == m.room && s.bounds.gap_m(&m.bounds) <= 0.45)
-    };
+    let near_sink =
+        |m: &&&crate::building::ObjectTruth| of("sink").any(|s| s.room == m.room && s.bounds.gap_m(&m.bounds) <= 0.45);
     here.len() == 1
         && here.iter().filter(near_sink).count() == 1
         && !elsewhere.is_empty()
@@ -106,19 +71,7 @@ fn keeps_flat_promise(building: &Building) -> bool {
 
 /// One meeting room with one plant; a plant elsewhere.
 fn keeps_office_promise(building: &Building) -> bool {
-    let meeting: Vec<u32> = building
-        .rooms
-        .iter()
-        .filter(|r| r.kind == RoomKind::MeetingRoom)
-        .map(|r| r.id)
-        .collect();
-    let plants: Vec<u32> = building
-        .objects
-        .iter()
-        .filter(|o| o.class == "plant")
-        .map(|o| o.room)
-        .collect();
-    meeting.len() == 1
-        && plants.iter().filter(|p| **p == meeting[0]).count() == 1
-        && plants.len() > 1
+    let meeting: Vec<u32> = building.rooms.iter().filter(|r| r.kind == RoomKind::MeetingRoom).map(|r| r.id).collect();
+    let plants: Vec<u32> = building.objects.iter().filter(|o| o.class == "plant").map(|o| o.room).collect();
+    meeting.len() == 1 && plants.iter().filter(|p| **p == meeting[0]).count() == 1 && plants.len() > 1
 }

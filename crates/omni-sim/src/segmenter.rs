@@ -33,7 +33,7 @@ pub struct SegmenterConfig {
     pub bleed_px: f64,
     /// Time for which an error of a thing seen from one side stays (4).
     pub correlation_s: f64,
-    /// Visible pixels at which a thing counts as small (600).
+    /// Visible pixels of a 1920 panorama at which a thing counts as small (600); in proportion for other sizes.
     pub small_px: f64,
     /// Distance beyond which a thing counts as far (6).
     pub far_m: f64,
@@ -88,11 +88,7 @@ impl SegmenterConfig {
             && self.correlation_s < 1e6
             && self.small_px > 0.0
             && self.far_m > 0.0;
-        if good {
-            Ok(())
-        } else {
-            Err(SegmenterConfigError)
-        }
+        if good { Ok(()) } else { Err(SegmenterConfigError) }
     }
 }
 
@@ -123,12 +119,7 @@ pub fn segment(
     let frame = Frame {
         config,
         things: snapshot.world().things(),
-        classes: snapshot
-            .world()
-            .things()
-            .iter()
-            .map(|t| t.class.as_str())
-            .collect(),
+        classes: snapshot.world().things().iter().map(|t| t.class.as_str()).collect(),
         width: rendering.view.width,
         height: rendering.view.height,
         stamp_ns,
@@ -136,9 +127,7 @@ pub fn segment(
     let seen_from = directions_to_camera(snapshot, world_from_camera);
     let mut masks: Vec<(Region, MaskRecord)> = Vec::new();
     for (instance, region) in regions_of(&rendering.instances, rendering.view.height) {
-        let (Some(thing), Some((view, noise))) =
-            (snapshot.world().thing(instance), seen_from.get(&instance))
-        else {
+        let (Some(thing), Some((view, noise))) = (snapshot.world().thing(instance), seen_from.get(&instance)) else {
             continue;
         };
         if config.only_phrases && !config.phrases.iter().any(|p| names(p, &thing.class)) {
@@ -161,9 +150,7 @@ pub fn segment(
 fn names(phrase: &str, class: &str) -> bool {
     let clean = |s: &str| s.trim().trim_end_matches('s').to_lowercase();
     let (phrase, class) = (clean(phrase), clean(class));
-    let ends = |long: &str, short: &str| {
-        long == short || (!short.is_empty() && long.ends_with(&format!(" {short}")))
-    };
+    let ends = |long: &str, short: &str| long == short || (!short.is_empty() && long.ends_with(&format!(" {short}")));
     ends(&phrase, &class) || ends(&class, &phrase)
 }
 
@@ -180,9 +167,7 @@ fn directions_to_camera(
             Some(mover) => (snapshot.mover_pose(mover) * center).cast(),
             None => center.cast(),
         };
-        found
-            .entry(extent.instance)
-            .or_insert((camera - in_world.coords, extent.noise));
+        found.entry(extent.instance).or_insert((camera - in_world.coords, extent.noise));
     }
     found
 }
@@ -215,7 +200,8 @@ impl Frame<'_> {
         let lasting = self.lasting(root, to_camera);
         let momentary = root.with(self.stamp_ns as u64);
 
-        let smallness = (-(area as f64) / config.small_px).exp();
+        let scale = 1920.0 / f64::from(self.width);
+        let smallness = (-(area as f64) * scale * scale / config.small_px).exp();
         let farness = (to_camera.norm() / config.far_m - 1.0).clamp(0.0, 1.0);
         let miss = config.noise_scale * config.miss * (0.5 + 2.0 * smallness + 0.5 * farness);
         // Two draws of which either may miss: 1 - (1 - 0.7 p)(1 - 0.3 p) is p within a few per cent of it.
@@ -227,9 +213,7 @@ impl Frame<'_> {
         let mut score = 0.92 - 0.3 * smallness - 0.1 * farness;
         score += config.noise_scale.min(1.0) * momentary.with(2).between(-0.05, 0.05);
         let is_confused = lasting.with(3).uniform() < config.noise_scale * config.confusion;
-        let wrong = is_confused
-            .then(|| self.wrong_label(&thing.class, lasting.with(4)))
-            .flatten();
+        let wrong = is_confused.then(|| self.wrong_label(&thing.class, lasting.with(4))).flatten();
         let (label, caption) = match wrong {
             Some(label) => {
                 score -= 0.15;
@@ -257,12 +241,7 @@ impl Frame<'_> {
     fn wrong_label(&self, class: &str, key: NoiseKey) -> Option<String> {
         let others = catalog::class(class).map_or(&[][..], |c| c.look_alikes);
         if others.is_empty() {
-            let known: Vec<&str> = self
-                .classes
-                .iter()
-                .copied()
-                .filter(|c| *c != class)
-                .collect();
+            let known: Vec<&str> = self.classes.iter().copied().filter(|c| *c != class).collect();
             return known.get(key.index(known.len())).map(|c| c.to_string());
         }
         Some(others[key.index(others.len())].to_string())
@@ -302,9 +281,7 @@ impl Frame<'_> {
 
     /// Blobs that are nothing, with a word the segmenter knows or was asked for.
     fn false_positives(&self) -> Vec<(Region, MaskRecord)> {
-        let key = NoiseKey::new(self.config.seed)
-            .with_text("false positive")
-            .with(self.stamp_ns as u64);
+        let key = NoiseKey::new(self.config.seed).with_text("false positive").with(self.stamp_ns as u64);
         let mut words: BTreeSet<&str> = self.config.phrases.iter().map(String::as_str).collect();
         if !self.config.only_phrases {
             words.extend(&self.classes);
@@ -321,10 +298,7 @@ impl Frame<'_> {
                 // Sizes for a 1920 panorama, in proportion for others.
                 let scale = width / 1920.0;
                 let axis = |part| scale * key.with(part).between(6.0, 40.0);
-                let center = (
-                    width * key.with(3).uniform(),
-                    height * key.with(4).between(0.2, 0.9),
-                );
+                let center = (width * key.with(3).uniform(), height * key.with(4).between(0.2, 0.9));
                 let region = Region::ellipse(center, (axis(1), axis(2)), self.width, self.height);
                 let label = words[key.with(5).index(words.len())].to_string();
                 let score = key.with(6).between(0.3, 0.55) as f32;
@@ -334,20 +308,9 @@ impl Frame<'_> {
             .collect()
     }
 
-    fn record(
-        &self,
-        region: Region,
-        label: String,
-        score: f32,
-        caption: String,
-    ) -> (Region, MaskRecord) {
+    fn record(&self, region: Region, label: String, score: f32, caption: String) -> (Region, MaskRecord) {
         let counts = region.coco_counts(self.width, self.height);
-        let mask = MaskRecord {
-            counts,
-            label,
-            score,
-            caption,
-        };
+        let mask = MaskRecord { counts, label, score, caption };
         (region, mask)
     }
 }

@@ -83,11 +83,7 @@ impl Placement {
     /// Model coordinates to world coordinates. Quarter turns are exact.
     pub fn world_from_model(&self, p: &Point3<f64>) -> Point3<f64> {
         let (s, c) = exact_sin_cos(self.yaw_rad);
-        Point3::new(
-            self.origin.x + c * p.x - s * p.y,
-            self.origin.y + s * p.x + c * p.y,
-            self.origin.z + p.z,
-        )
+        Point3::new(self.origin.x + c * p.x - s * p.y, self.origin.y + s * p.x + c * p.y, self.origin.z + p.z)
     }
 }
 
@@ -95,8 +91,7 @@ impl Placement {
 pub fn exact_sin_cos(yaw_rad: f64) -> (f64, f64) {
     let quarters = yaw_rad / std::f64::consts::FRAC_PI_2;
     if (quarters - quarters.round()).abs() < 1e-9 {
-        return [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)]
-            [(quarters.round() as i64).rem_euclid(4) as usize];
+        return [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][(quarters.round() as i64).rem_euclid(4) as usize];
     }
     yaw_rad.sin_cos()
 }
@@ -112,12 +107,7 @@ impl Solid {
 
     /// An upright cylinder from its lower middle.
     pub fn post(x: f64, y: f64, z: f64, radius_m: f64, height_m: f64) -> Self {
-        Solid::Round {
-            base: Point3::new(x, y, z),
-            radius_low_m: radius_m,
-            radius_high_m: radius_m,
-            height_m,
-        }
+        Solid::Round { base: Point3::new(x, y, z), radius_low_m: radius_m, radius_high_m: radius_m, height_m }
     }
 
     /// Corners and faces, counter-clockwise from outside.
@@ -149,12 +139,7 @@ impl Solid {
                     ],
                 )
             }
-            Solid::Round {
-                base,
-                radius_low_m,
-                radius_high_m,
-                height_m,
-            } => {
+            Solid::Round { base, radius_low_m, radius_high_m, height_m } => {
                 let mut points = Vec::with_capacity(2 * SIDES);
                 for (radius, z) in [(radius_low_m, base.z), (radius_high_m, base.z + height_m)] {
                     for k in 0..SIDES {
@@ -192,11 +177,7 @@ impl Solid {
                     [-b, 0.0, a],
                 ];
                 (
-                    raw.iter()
-                        .map(|r| {
-                            center + Vector3::new(r[0] * radii.x, r[1] * radii.y, r[2] * radii.z)
-                        })
-                        .collect(),
+                    raw.iter().map(|r| center + Vector3::new(r[0] * radii.x, r[1] * radii.y, r[2] * radii.z)).collect(),
                     vec![
                         [0, 11, 5],
                         [0, 5, 1],
@@ -228,11 +209,7 @@ impl Solid {
 impl Model {
     /// Box of the placed model.
     pub fn bounds(&self, placement: &Placement) -> Bounds {
-        let points = self
-            .parts
-            .iter()
-            .flat_map(|p| p.solid.triangles().0)
-            .map(|p| placement.world_from_model(&p));
+        let points = self.parts.iter().flat_map(|p| p.solid.triangles().0).map(|p| placement.world_from_model(&p));
         bounds_of(points)
     }
 
@@ -240,15 +217,7 @@ impl Model {
     pub fn part_bounds(&self, placement: &Placement) -> Vec<Bounds> {
         self.parts
             .iter()
-            .map(|p| {
-                bounds_of(
-                    p.solid
-                        .triangles()
-                        .0
-                        .iter()
-                        .map(|q| placement.world_from_model(q)),
-                )
-            })
+            .map(|p| bounds_of(p.solid.triangles().0.iter().map(|q| placement.world_from_model(q))))
             .collect()
     }
 
@@ -257,11 +226,7 @@ impl Model {
         for part in &self.parts {
             let (points, faces) = part.solid.triangles();
             let first = mesh.vertices.len() as u32;
-            mesh.vertices.extend(
-                points
-                    .iter()
-                    .map(|p| placement.world_from_model(p).cast::<f32>()),
-            );
+            mesh.vertices.extend(points.iter().map(|p| placement.world_from_model(p).cast::<f32>()));
             for f in faces {
                 mesh.faces.push(f.map(|i| first + i));
                 mesh.instances.push(instance);
@@ -272,12 +237,7 @@ impl Model {
 }
 
 /// Adds a flat four-sided face, counter-clockwise seen from its front.
-pub fn push_quad(
-    mesh: &mut TriangleMesh,
-    quad: [Point3<f64>; 4],
-    instance: InstanceId,
-    color: [u8; 3],
-) {
+pub fn push_quad(mesh: &mut TriangleMesh, quad: [Point3<f64>; 4], instance: InstanceId, color: [u8; 3]) {
     let first = mesh.vertices.len() as u32;
     mesh.vertices.extend(quad.iter().map(|p| p.cast::<f32>()));
     for face in [[first, first + 1, first + 2], [first, first + 2, first + 3]] {
@@ -288,14 +248,8 @@ pub fn push_quad(
 }
 
 fn bounds_of(points: impl Iterator<Item = Point3<f64>>) -> Bounds {
-    let empty = Bounds {
-        min: Point3::from([f64::INFINITY; 3]),
-        max: Point3::from([f64::NEG_INFINITY; 3]),
-    };
-    points.fold(empty, |b, p| Bounds {
-        min: b.min.inf(&p),
-        max: b.max.sup(&p),
-    })
+    let empty = Bounds { min: Point3::from([f64::INFINITY; 3]), max: Point3::from([f64::NEG_INFINITY; 3]) };
+    points.fold(empty, |b, p| Bounds { min: b.min.inf(&p), max: b.max.sup(&p) })
 }
 
 #[cfg(test)]
@@ -306,12 +260,7 @@ mod tests {
     fn volume(solid: Solid) -> f64 {
         let (p, f) = solid.triangles();
         f.iter()
-            .map(|t| {
-                p[t[0] as usize]
-                    .coords
-                    .dot(&p[t[1] as usize].coords.cross(&p[t[2] as usize].coords))
-                    / 6.0
-            })
+            .map(|t| p[t[0] as usize].coords.dot(&p[t[1] as usize].coords.cross(&p[t[2] as usize].coords)) / 6.0)
             .sum()
     }
 
@@ -320,30 +269,18 @@ mod tests {
         assert!((volume(Solid::block(3.0, 1.0, 0.5, 1.0, 2.0, 3.0)) - 6.0).abs() < 1e-9);
         // A regular octagon of radius 1 has the area 2 sqrt 2.
         assert!((volume(Solid::post(0.0, 2.0, 1.0, 1.0, 2.0)) - 4.0 * 2f64.sqrt()).abs() < 1e-9);
-        let lump = volume(Solid::Lump {
-            center: Point3::new(5.0, 0.0, 0.0),
-            radii: Vector3::new(1.0, 1.0, 1.0),
-        });
+        let lump = volume(Solid::Lump { center: Point3::new(5.0, 0.0, 0.0), radii: Vector3::new(1.0, 1.0, 1.0) });
         assert!(lump > 2.0 && lump < 4.2, "{lump}");
     }
 
     #[test]
     fn a_quarter_turn_is_exact() {
         let model = Model {
-            parts: vec![Part {
-                solid: Solid::block(0.0, 0.0, 0.0, 0.6, 2.0, 0.5),
-                rgb: [0; 3],
-            }],
+            parts: vec![Part { solid: Solid::block(0.0, 0.0, 0.0, 0.6, 2.0, 0.5), rgb: [0; 3] }],
             ..Default::default()
         };
-        let at = Placement {
-            origin: Point3::new(1.0, 1.0, 0.0),
-            yaw_rad: std::f64::consts::FRAC_PI_2,
-        };
+        let at = Placement { origin: Point3::new(1.0, 1.0, 0.0), yaw_rad: std::f64::consts::FRAC_PI_2 };
         let b = model.bounds(&at);
-        assert_eq!(
-            (b.min, b.max),
-            (Point3::new(0.0, 0.7, 0.0), Point3::new(2.0, 1.3, 0.5))
-        );
+        assert_eq!((b.min, b.max), (Point3::new(0.0, 0.7, 0.0), Point3::new(2.0, 1.3, 0.5)));
     }
 }

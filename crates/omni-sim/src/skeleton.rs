@@ -25,40 +25,20 @@ impl Strip {
 
     /// Extent along the corridor, units.
     pub fn length(&self) -> i32 {
-        if self.along_x {
-            self.area.x1 - self.area.x0
-        } else {
-            self.area.y1 - self.area.y0
-        }
+        if self.along_x { self.area.x1 - self.area.x0 } else { self.area.y1 - self.area.y0 }
     }
 
     /// Extent away from the corridor, units.
     pub fn depth(&self) -> i32 {
-        if self.along_x {
-            self.area.y1 - self.area.y0
-        } else {
-            self.area.x1 - self.area.x0
-        }
+        if self.along_x { self.area.y1 - self.area.y0 } else { self.area.x1 - self.area.x0 }
     }
 
     /// The piece from `l0` to `l1` along the corridor and from `d0` to `d1` away from it.
     pub fn cells(&self, l0: i32, l1: i32, d0: i32, d1: i32) -> Cells {
         let a = &self.area;
-        let (base, low, high) = if self.along_x {
-            (a.x0, a.y0, a.y1)
-        } else {
-            (a.y0, a.x0, a.x1)
-        };
-        let (e0, e1) = if self.corridor_high {
-            (high - d1, high - d0)
-        } else {
-            (low + d0, low + d1)
-        };
-        if self.along_x {
-            Cells::new(base + l0, e0, base + l1, e1)
-        } else {
-            Cells::new(e0, base + l0, e1, base + l1)
-        }
+        let (base, low, high) = if self.along_x { (a.x0, a.y0, a.y1) } else { (a.y0, a.x0, a.x1) };
+        let (e0, e1) = if self.corridor_high { (high - d1, high - d0) } else { (low + d0, low + d1) };
+        if self.along_x { Cells::new(base + l0, e0, base + l1, e1) } else { Cells::new(e0, base + l0, e1, base + l1) }
     }
 
     /// Cuts a piece of full depth off the front; `None` if too little would be left for a room.
@@ -89,12 +69,7 @@ pub struct Skeleton {
 
 /// A random skeleton with this many corridors (1 to 3) whose rooms have `area_m2` together; `None` if the drawn lengths
 /// contradict each other.
-pub fn draw_skeleton(
-    rng: &mut impl Rng,
-    corridors: usize,
-    area_m2: f64,
-    with_stairs: bool,
-) -> Option<Skeleton> {
+pub fn draw_skeleton(rng: &mut impl Rng, corridors: usize, area_m2: f64, with_stairs: bool) -> Option<Skeleton> {
     let area = area_m2 / (UNIT_M * UNIT_M);
     match corridors {
         1 => single(rng, area, with_stairs),
@@ -105,11 +80,7 @@ pub fn draw_skeleton(
 
 /// Depth of a strip, units: 3.6 to 5.2 m, at least 4.6 m where stairs must fit.
 fn depth(rng: &mut impl Rng, with_stairs: bool) -> i32 {
-    if with_stairs {
-        rng.random_range(47..=53) * 2
-    } else {
-        rng.random_range(36..=52) * 2
-    }
+    if with_stairs { rng.random_range(47..=53) * 2 } else { rng.random_range(36..=52) * 2 }
 }
 
 /// Width of a corridor, units: 1.6 to 2.2 m between centre lines.
@@ -122,28 +93,16 @@ fn snapped(units: f64) -> i32 {
 }
 
 fn row(x0: i32, y0: i32, x1: i32, y1: i32, corridor_high: bool) -> Strip {
-    Strip {
-        area: Cells::new(x0, y0, x1, y1),
-        along_x: true,
-        corridor_high,
-    }
+    Strip { area: Cells::new(x0, y0, x1, y1), along_x: true, corridor_high }
 }
 
 fn column(x0: i32, y0: i32, x1: i32, y1: i32, corridor_high: bool) -> Strip {
-    Strip {
-        area: Cells::new(x0, y0, x1, y1),
-        along_x: false,
-        corridor_high,
-    }
+    Strip { area: Cells::new(x0, y0, x1, y1), along_x: false, corridor_high }
 }
 
 /// An I: strip, corridor, strip.
 fn single(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton> {
-    let (d1, d2, c) = (
-        depth(rng, with_stairs),
-        depth(rng, false),
-        corridor_width(rng),
-    );
+    let (d1, d2, c) = (depth(rng, with_stairs), depth(rng, false), corridor_width(rng));
     let (y1, y2, y3) = (d1, d1 + c, d1 + c + d2);
     let kind = rng.random_range(0..10);
     if kind < 4 {
@@ -155,41 +114,26 @@ fn single(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton> 
         }
         return Some(Skeleton {
             corridors: vec![Cells::new(0, y1, length - end, y2)],
-            strips: vec![
-                row(0, 0, length, y1, true),
-                row(0, y2, length - end, y3, false),
-            ],
+            strips: vec![row(0, 0, length, y1, true), row(0, y2, length - end, y3, false)],
             end_room: Some(Cells::new(length - end, y1, length, y3)),
         });
     }
     // Both strips run along; the upper may begin later.
-    let late = if kind < 7 {
-        0
-    } else {
-        rng.random_range(10..=40) * 2
-    };
+    let late = if kind < 7 { 0 } else { rng.random_range(10..=40) * 2 };
     let length = snapped((area + f64::from(late * d2)) / f64::from(d1 + d2));
     if length - late < 60 {
         return None;
     }
     Some(Skeleton {
         corridors: vec![Cells::new(0, y1, length, y2)],
-        strips: vec![
-            row(0, 0, length, y1, true),
-            row(late, y2, length, y3, false),
-        ],
+        strips: vec![row(0, 0, length, y1, true), row(late, y2, length, y3, false)],
         end_room: None,
     })
 }
 
 /// An L or a T: a second corridor leaves the first northwards.
 fn branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton> {
-    let (d1, d2, d3, d4) = (
-        depth(rng, with_stairs),
-        depth(rng, false),
-        depth(rng, false),
-        depth(rng, false),
-    );
+    let (d1, d2, d3, d4) = (depth(rng, with_stairs), depth(rng, false), depth(rng, false), depth(rng, false));
     let (c1, c2) = (corridor_width(rng), corridor_width(rng));
     let (y1, y2, y3) = (d1, d1 + c1, d1 + c1 + d2);
     // The main wing takes 50 to 75 % of the area, the branch the rest.
@@ -201,18 +145,11 @@ fn branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton
         return None;
     }
     // An L (branch at the end) or a T with at least a room's width on the far side.
-    let right = if rng.random_bool(0.5) {
-        0
-    } else {
-        rng.random_range(0..=spare / 2) * 2
-    };
+    let right = if rng.random_bool(0.5) { 0 } else { rng.random_range(0..=spare / 2) * 2 };
     let x2 = length - right - d4;
     let x1 = x2 - c2;
     Some(Skeleton {
-        corridors: vec![
-            Cells::new(0, y1, length, y2),
-            Cells::new(x1, y2, x2, y3 + branch),
-        ],
+        corridors: vec![Cells::new(0, y1, length, y2), Cells::new(x1, y2, x2, y3 + branch)],
         strips: vec![
             row(0, 0, length, y1, true),
             row(0, y2, x1, y3, false),
@@ -227,19 +164,12 @@ fn branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton
 /// A U (both branches north) or a Z (one north, one south).
 fn double_branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<Skeleton> {
     let d: Vec<i32> = (0..6).map(|i| depth(rng, with_stairs && i == 0)).collect();
-    let (c1, c2, c3) = (
-        corridor_width(rng),
-        corridor_width(rng),
-        corridor_width(rng),
-    );
+    let (c1, c2, c3) = (corridor_width(rng), corridor_width(rng), corridor_width(rng));
     let (y1, y2, y3) = (d[0], d[0] + c1, d[0] + c1 + d[1]);
     let main = area * rng.random_range(0.4..0.6);
     let length = snapped((main + f64::from(d[1] * c2)) / f64::from(d[0] + d[1]));
     let rest = (area - main) / 2.0;
-    let (east, west) = (
-        snapped(rest / f64::from(d[2] + d[3])),
-        snapped(rest / f64::from(d[4] + d[5])),
-    );
+    let (east, west) = (snapped(rest / f64::from(d[2] + d[3])), snapped(rest / f64::from(d[4] + d[5])));
     if east < 60 || west < 60 {
         return None;
     }
@@ -247,10 +177,7 @@ fn double_branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<S
     let x2 = length - d[3];
     let x1 = x2 - c2;
     let mut strips = Vec::new();
-    let mut corridors = vec![
-        Cells::new(0, y1, length, y2),
-        Cells::new(x1, y2, x2, y3 + east),
-    ];
+    let mut corridors = vec![Cells::new(0, y1, length, y2), Cells::new(x1, y2, x2, y3 + east)];
     // Western branch at the other end, northwards or southwards.
     let (w1, w2) = (d[4], d[4] + c3);
     let north = rng.random_bool(0.5);
@@ -279,9 +206,5 @@ fn double_branched(rng: &mut impl Rng, area: f64, with_stairs: bool) -> Option<S
     strips.push(row(x2, y2, length, y3, false));
     strips.push(column(x1 - d[2], y3, x1, y3 + east, true));
     strips.push(column(x2, y3, length, y3 + east, false));
-    Some(Skeleton {
-        corridors,
-        strips,
-        end_room: None,
-    })
+    Some(Skeleton { corridors, strips, end_room: None })
 }

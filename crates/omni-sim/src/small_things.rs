@@ -40,42 +40,26 @@ pub fn strew(furnisher: &mut Furnisher, kind: RoomKind) {
                 break;
             };
             // Books come in numbers, most other things once.
-            left.iter_mut().filter(|l| l.0 == thing).for_each(|l| {
-                l.1 *= if thing == "book" || thing == "box" {
-                    0.7
-                } else {
-                    0.1
-                }
-            });
+            left.iter_mut()
+                .filter(|l| l.0 == thing)
+                .for_each(|l| l.1 *= if thing == "book" || thing == "box" { 0.7 } else { 0.1 });
             stand(furnisher, thing, support, &reach);
         }
     }
 }
 
 /// Finds a place for a thing on a support; its index, or `None` if no free spot near an edge can be seen.
-pub fn stand(
-    furnisher: &mut Furnisher,
-    name: &str,
-    support: usize,
-    reach: &Reach,
-) -> Option<usize> {
+pub fn stand(furnisher: &mut Furnisher, name: &str, support: usize, reach: &Reach) -> Option<usize> {
     let class = class(name)?;
     let base = furnisher.items[support].clone();
     let is_screen = matches!(name, "television" | "monitor");
     let mut surfaces: Vec<Surface> = base.model.surfaces.clone();
     surfaces.shuffle(furnisher.rng);
     let draw = |range: (f64, f64), f: &mut Furnisher| {
-        if range.0 < range.1 {
-            f.rng.random_range(range.0..range.1)
-        } else {
-            range.0
-        }
+        if range.0 < range.1 { f.rng.random_range(range.0..range.1) } else { range.0 }
     };
-    let (w, d, h) = (
-        draw(class.size_m[0], furnisher),
-        draw(class.size_m[1], furnisher),
-        draw(class.size_m[2], furnisher),
-    );
+    let (w, d, h) =
+        (draw(class.size_m[0], furnisher), draw(class.size_m[1], furnisher), draw(class.size_m[2], furnisher));
     let color = *class.colors.choose(furnisher.rng)?;
     let material = *class.materials.choose(furnisher.rng)?;
     let rgb = draw_color(furnisher.rng, color);
@@ -87,18 +71,10 @@ pub fn stand(
             continue;
         }
         // Position in the support's frame: a distance from one of its edges, anywhere along it.
-        let side = if is_screen {
-            0
-        } else {
-            furnisher.rng.random_range(0..6).min(3)
-        };
+        let side = if is_screen { 0 } else { furnisher.rng.random_range(0..6).min(3) };
         let inset = furnisher.rng.random_range(EDGE_MIN_M..EDGE_MAX_M);
         let span = |low: f64, high: f64, f: &mut Furnisher| {
-            if low < high {
-                f.rng.random_range(low..high)
-            } else {
-                (low + high) / 2.0
-            }
+            if low < high { f.rng.random_range(low..high) } else { (low + high) / 2.0 }
         };
         let (hx, hy) = (d / 2.0, w / 2.0);
         let (x_low, x_high) = (surface.min.x + hx, surface.max.x - hx);
@@ -119,26 +95,15 @@ pub fn stand(
         let turn = match name {
             "television" | "monitor" | "microwave" | "coffee machine" | "printer" => 0.0,
             _ if dx < d + 0.12 || dy < w + 0.12 => 0.0,
-            "laptop" | "keyboard" | "phone" | "alarm clock" => {
-                furnisher.rng.random_range(-0.15..0.15)
-            }
+            "laptop" | "keyboard" | "phone" | "alarm clock" => furnisher.rng.random_range(-0.15..0.15),
             _ => furnisher.rng.random_range(-0.5..0.5),
         };
-        let origin = base
-            .placement
-            .world_from_model(&nalgebra::Point3::new(x, y, surface.min.z));
-        let placement = Placement {
-            origin,
-            yaw_rad: base.placement.yaw_rad + turn,
-        };
+        let origin = base.placement.world_from_model(&nalgebra::Point3::new(x, y, surface.min.z));
+        let placement = Placement { origin, yaw_rad: base.placement.yaw_rad + turn };
         let bounds = model.bounds(&placement);
         let parts = model.part_bounds(&placement);
         if !stays_on(&base, &surface, &bounds)
-            || furnisher
-                .items
-                .iter()
-                .enumerate()
-                .any(|(k, i)| overlaps(i, k == support, &bounds))
+            || furnisher.items.iter().enumerate().any(|(k, i)| overlaps(i, k == support, &bounds))
         {
             continue;
         }
@@ -165,10 +130,7 @@ pub fn stand(
 
 /// True if the whole foot of the thing stands on the surface.
 fn stays_on(base: &Item, surface: &Surface, bounds: &Bounds) -> bool {
-    let (a, b) = (
-        base.placement.world_from_model(&surface.min),
-        base.placement.world_from_model(&surface.max),
-    );
+    let (a, b) = (base.placement.world_from_model(&surface.min), base.placement.world_from_model(&surface.max));
     let (min, max) = (a.inf(&b), a.sup(&b));
     bounds.min.x >= min.x - 1e-9
         && bounds.max.x <= max.x + 1e-9
@@ -181,11 +143,7 @@ fn overlaps(item: &Item, is_support: bool, bounds: &Bounds) -> bool {
     if is_support {
         return item.parts.iter().any(|p| p.overlaps(bounds, 1e-9));
     }
-    let apart = if item.support.is_some() {
-        BETWEEN_M
-    } else {
-        0.0
-    };
+    let apart = if item.support.is_some() { BETWEEN_M } else { 0.0 };
     item.bounds.overlaps(bounds, 1e-9 - apart)
 }
 

@@ -15,23 +15,12 @@ use crate::walls::{CEILING_M, SLAB_M, STOREY_M};
 
 /// The hole above a stairwell, in the storey's coordinates: everything but the landing at the corridor. `None` without one.
 pub fn stair_shaft(plan: &StoreyPlan, doors: &[PlanDoor], thickness_m: f64) -> Option<StairShaft> {
-    let room = plan
-        .rooms
-        .iter()
-        .position(|r| r.kind == RoomKind::Stairwell)?;
+    let room = plan.rooms.iter().position(|r| r.kind == RoomKind::Stairwell)?;
     let c = plan.rooms[room].parts[0];
     let half = thickness_m / 2.0;
     let units = |v: i32| f64::from(v) * UNIT_M;
-    let free = Rect::new(
-        units(c.x0) + half,
-        units(c.y0) + half,
-        units(c.x1) - half,
-        units(c.y1) - half,
-    );
-    let door = doors
-        .iter()
-        .find(|d| d.rooms.0 == room || d.rooms.1 == room)?
-        .opening;
+    let free = Rect::new(units(c.x0) + half, units(c.y0) + half, units(c.x1) - half, units(c.y1) - half);
+    let door = doors.iter().find(|d| d.rooms.0 == room || d.rooms.1 == room)?.opening;
     // From the corridor's wall into the stairwell.
     let inward = match door.vertical {
         true if door.line == c.x0 => Vector2::new(1.0, 0.0),
@@ -67,12 +56,7 @@ pub struct StairShaft {
 }
 
 /// Two flights of solid steps with a landing half-way, turning left or right of the middle.
-pub(crate) fn add_stairs(
-    building: &mut Building,
-    rng: &mut ChaCha8Rng,
-    shaft: &StairShaft,
-    room: u32,
-) {
+pub(crate) fn add_stairs(building: &mut Building, rng: &mut ChaCha8Rng, shaft: &StairShaft, room: u32) {
     let Some(class) = class("staircase") else {
         return;
     };
@@ -91,13 +75,9 @@ pub(crate) fn add_stairs(
     let run = (deep - half_landing) / steps as f64;
     let mut model = Model::default();
     let mut block = |x0: f64, x1: f64, y0: f64, y1: f64, z1: f64| {
-        model.parts.push(Part {
-            solid: Solid::Block {
-                min: Point3::new(x0, y0, 0.0),
-                max: Point3::new(x1, y1, z1),
-            },
-            rgb,
-        });
+        model
+            .parts
+            .push(Part { solid: Solid::Block { min: Point3::new(x0, y0, 0.0), max: Point3::new(x1, y1, z1) }, rgb });
     };
     let x0 = -deep / 2.0;
     for k in 0..steps {
@@ -105,26 +85,12 @@ pub(crate) fn add_stairs(
         block(x, x + run, 0.0, wide / 2.0, rise * (k + 1) as f64);
         // The second flight comes back towards the landing; its last step is the upper floor itself.
         let high = rise * (2 * steps - k) as f64;
-        block(
-            x,
-            x + run,
-            -wide / 2.0,
-            0.0,
-            if k == 0 { high - 0.001 } else { high },
-        );
+        block(x, x + run, -wide / 2.0, 0.0, if k == 0 { high - 0.001 } else { high });
     }
-    block(
-        deep / 2.0 - half_landing,
-        deep / 2.0,
-        -wide / 2.0,
-        wide / 2.0,
-        rise * steps as f64,
-    );
+    block(deep / 2.0 - half_landing, deep / 2.0, -wide / 2.0, wide / 2.0, rise * steps as f64);
     let middle = shaft.hole.center();
-    let placement = Placement {
-        origin: Point3::new(middle.x, middle.y, 0.0),
-        yaw_rad: shaft.inward.y.atan2(shaft.inward.x),
-    };
+    let placement =
+        Placement { origin: Point3::new(middle.x, middle.y, 0.0), yaw_rad: shaft.inward.y.atan2(shaft.inward.x) };
     let item = Item {
         class,
         color,
@@ -151,10 +117,7 @@ pub(crate) fn add_stairs(
 
 /// The shaft as an opening between the two stairwells.
 pub(crate) fn add_shaft(building: &mut Building, plans: &[StoreyPlan], shaft: &StairShaft) {
-    let upper = plans[1]
-        .rooms
-        .iter()
-        .position(|r| r.kind == RoomKind::Stairwell);
+    let upper = plans[1].rooms.iter().position(|r| r.kind == RoomKind::Stairwell);
     let Some(upper) = upper else { return };
     let (w, h) = (shaft.hole.width_m(), shaft.hole.height_m());
     let middle = shaft.hole.center();

@@ -23,10 +23,7 @@ pub struct Jet {
 impl Jet {
     /// A constant.
     pub fn constant(value: f64) -> Jet {
-        Jet {
-            value,
-            ..Jet::default()
-        }
+        Jet { value, ..Jet::default() }
     }
 }
 
@@ -42,20 +39,13 @@ pub struct Cubic {
 impl Cubic {
     /// The piece that starts at `start` and reaches the second derivative `acceleration` after `duration_s`.
     pub fn reaching(start: Jet, acceleration: f64, duration_s: f64) -> Cubic {
-        Cubic {
-            start,
-            jerk: (acceleration - start.acceleration) / duration_s,
-        }
+        Cubic { start, jerk: (acceleration - start.acceleration) / duration_s }
     }
 
     /// Value and derivatives `s` seconds after the start.
     #[inline]
     pub fn at(&self, s: f64) -> Jet {
-        let Jet {
-            value,
-            rate,
-            acceleration,
-        } = self.start;
+        let Jet { value, rate, acceleration } = self.start;
         Jet {
             value: value + s * (rate + s * (acceleration / 2.0 + s * self.jerk / 6.0)),
             rate: rate + s * (acceleration + s * self.jerk / 2.0),
@@ -106,8 +96,7 @@ pub struct Piece {
 impl Piece {
     /// State at `stamp_ns`, which is held to the piece's own time.
     pub fn at(&self, stamp_ns: i64) -> KinematicState {
-        let inside_ns =
-            stamp_ns.clamp(self.start_ns, self.start_ns + self.duration_ns) - self.start_ns;
+        let inside_ns = stamp_ns.clamp(self.start_ns, self.start_ns + self.duration_ns) - self.start_ns;
         let s = inside_ns as f64 * 1e-9;
         let mut axes = self.position.map(|c| c.at(s));
         if let Some(vibration) = &self.vibration {
@@ -120,10 +109,7 @@ impl Piece {
         };
         KinematicState {
             stamp_ns,
-            world_from_body: Isometry3::from_parts(
-                Translation3::from(vector(|j| j.value)),
-                rotation,
-            ),
+            world_from_body: Isometry3::from_parts(Translation3::from(vector(|j| j.value)), rotation),
             velocity_world: vector(|j| j.rate),
             acceleration_world: vector(|j| j.acceleration),
             angular_velocity_body: rate,
@@ -134,23 +120,13 @@ impl Piece {
 
 impl Vibration {
     fn shake(&self, s: f64, axes: &mut [Jet; 3]) {
-        let Jet {
-            value,
-            rate,
-            acceleration,
-        } = self.phase.at(s);
+        let Jet { value, rate, acceleration } = self.phase.at(s);
         let (sin, cos) = value.sin_cos();
         let a = self.amplitude_m;
-        let cosine = Jet {
-            value: a * cos,
-            rate: -a * sin * rate,
-            acceleration: -a * (cos * rate * rate + sin * acceleration),
-        };
-        let sine = Jet {
-            value: a * sin,
-            rate: a * cos * rate,
-            acceleration: a * (cos * acceleration - sin * rate * rate),
-        };
+        let cosine =
+            Jet { value: a * cos, rate: -a * sin * rate, acceleration: -a * (cos * rate * rate + sin * acceleration) };
+        let sine =
+            Jet { value: a * sin, rate: a * cos * rate, acceleration: a * (cos * acceleration - sin * rate * rate) };
         for (axis, jet, scale) in [(0, cosine, 1.0), (1, sine, 1.0), (2, cosine, 0.5)] {
             axes[axis].value += scale * jet.value;
             axes[axis].rate += scale * jet.rate;
@@ -167,11 +143,7 @@ fn euler_turn([yaw, pitch, roll]: [Jet; 3]) -> (UnitQuaternion<f64>, Vector3<f64
     let (dr, dp, dy) = (roll.rate, pitch.rate, yaw.rate);
     let (ddr, ddp, ddy) = (roll.acceleration, pitch.acceleration, yaw.acceleration);
     // Standard Euler-rate matrix of the z-y-x order, and its time derivative.
-    let rate = Vector3::new(
-        dr - dy * sp,
-        dp * cr + dy * cp * sr,
-        -dp * sr + dy * cp * cr,
-    );
+    let rate = Vector3::new(dr - dy * sp, dp * cr + dy * cp * sr, -dp * sr + dy * cp * cr);
     let acceleration = Vector3::new(
         ddr - ddy * sp - dy * dp * cp,
         ddp * cr - dp * dr * sr + ddy * cp * sr - dy * dp * sp * sr + dy * dr * cp * cr,
@@ -211,11 +183,7 @@ fn exponential_turn(
     let acceleration = dd_phi - c * (a_t * growth) - d_c * a
         + phi.cross(&c) * (b_t * growth)
         + (d_phi.cross(&c) + phi.cross(&d_c)) * b;
-    (
-        start * UnitQuaternion::from_scaled_axis(phi),
-        rate,
-        acceleration,
-    )
+    (start * UnitQuaternion::from_scaled_axis(phi), rate, acceleration)
 }
 
 /// Pieces in time order without gaps.
@@ -228,10 +196,7 @@ pub struct MotionTrack {
 impl MotionTrack {
     /// A track without pieces: known at one moment only.
     pub fn new(start: KinematicState) -> MotionTrack {
-        MotionTrack {
-            rest: start,
-            pieces: VecDeque::new(),
-        }
+        MotionTrack { rest: start, pieces: VecDeque::new() }
     }
 
     /// Appends a piece. It must start where and when the track ends; the caller's integrator sees to that.
@@ -253,9 +218,7 @@ impl MotionTrack {
 
     /// Last stamp of the track.
     pub fn end_ns(&self) -> i64 {
-        self.pieces
-            .back()
-            .map_or(self.rest.stamp_ns, |p| p.start_ns + p.duration_ns)
+        self.pieces.back().map_or(self.rest.stamp_ns, |p| p.start_ns + p.duration_ns)
     }
 
     /// State at the end.
@@ -274,18 +237,12 @@ impl Motion for MotionTrack {
         let next = self.pieces.partition_point(|p| p.start_ns <= stamp_ns);
         match self.pieces.get(next.saturating_sub(1)) {
             Some(piece) => piece.at(stamp_ns),
-            None => KinematicState {
-                stamp_ns,
-                ..self.rest
-            },
+            None => KinematicState { stamp_ns, ..self.rest },
         }
     }
 
     fn span_ns(&self) -> (i64, i64) {
-        let start = self
-            .pieces
-            .front()
-            .map_or(self.rest.stamp_ns, |p| p.start_ns);
+        let start = self.pieces.front().map_or(self.rest.stamp_ns, |p| p.start_ns);
         (start, self.end_ns())
     }
 }
@@ -299,75 +256,38 @@ mod tests {
         const H_NS: i64 = 20_000;
         const H: f64 = H_NS as f64 * 1e-9;
         let middle = piece.start_ns + piece.duration_ns / 2;
-        let (before, now, after) = (
-            piece.at(middle - H_NS),
-            piece.at(middle),
-            piece.at(middle + H_NS),
-        );
+        let (before, now, after) = (piece.at(middle - H_NS), piece.at(middle), piece.at(middle + H_NS));
         let position = |s: &KinematicState| s.world_from_body.translation.vector;
         let velocity = (position(&after) - position(&before)) / (2.0 * H);
         assert!((velocity - now.velocity_world).norm() < 1e-6, "velocity");
         let acceleration = (after.velocity_world - before.velocity_world) / (2.0 * H);
-        assert!(
-            (acceleration - now.acceleration_world).norm() < 1e-5,
-            "acceleration"
-        );
+        assert!((acceleration - now.acceleration_world).norm() < 1e-5, "acceleration");
         let rotation = |s: &KinematicState| s.world_from_body.rotation;
         let rate = (rotation(&before).inverse() * rotation(&after)).scaled_axis() / (2.0 * H);
         assert!((rate - now.angular_velocity_body).norm() < 1e-6, "rate");
         let turn = (after.angular_velocity_body - before.angular_velocity_body) / (2.0 * H);
-        assert!(
-            (turn - now.angular_acceleration_body).norm() < 1e-5,
-            "angular acceleration"
-        );
+        assert!((turn - now.angular_acceleration_body).norm() < 1e-5, "angular acceleration");
     }
 
     fn cubic(value: f64, rate: f64, acceleration: f64, jerk: f64) -> Cubic {
-        let start = Jet {
-            value,
-            rate,
-            acceleration,
-        };
+        let start = Jet { value, rate, acceleration };
         Cubic { start, jerk }
     }
 
     #[test]
     fn stated_derivatives_are_those_of_the_pose() {
-        let position = [
-            cubic(1.0, 0.5, -0.3, 2.0),
-            cubic(-2.0, 0.1, 0.7, -1.0),
-            cubic(0.3, -0.2, 0.1, 0.4),
-        ];
-        let angles = [
-            cubic(3.0, 1.5, -2.0, 3.0),
-            cubic(0.4, -0.7, 1.1, 2.0),
-            cubic(-0.5, 0.9, -1.3, 1.0),
-        ];
+        let position = [cubic(1.0, 0.5, -0.3, 2.0), cubic(-2.0, 0.1, 0.7, -1.0), cubic(0.3, -0.2, 0.1, 0.4)];
+        let angles = [cubic(3.0, 1.5, -2.0, 3.0), cubic(0.4, -0.7, 1.1, 2.0), cubic(-0.5, 0.9, -1.3, 1.0)];
         let from_zero = angles.map(|mut c| {
             c.start.value = 0.0;
             c
         });
         let start = UnitQuaternion::from_euler_angles(0.3, -0.2, 2.0);
         for duration_ns in [2_000_000, 1_000_000_000] {
-            let turns = [
-                Turn::Euler(angles),
-                Turn::Exponential {
-                    start,
-                    vector: from_zero,
-                },
-            ];
+            let turns = [Turn::Euler(angles), Turn::Exponential { start, vector: from_zero }];
             for turn in turns {
-                let vibration = Some(Vibration {
-                    amplitude_m: 1e-3,
-                    phase: cubic(0.2, 30.0, 5.0, 1.0),
-                });
-                check_derivatives(&Piece {
-                    start_ns: 5_000_000_000,
-                    duration_ns,
-                    position,
-                    turn,
-                    vibration,
-                });
+                let vibration = Some(Vibration { amplitude_m: 1e-3, phase: cubic(0.2, 30.0, 5.0, 1.0) });
+                check_derivatives(&Piece { start_ns: 5_000_000_000, duration_ns, position, turn, vibration });
             }
         }
     }

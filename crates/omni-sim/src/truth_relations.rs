@@ -44,14 +44,7 @@ pub fn truth_relations(building: &Building) -> Vec<TruthRelation> {
                 continue;
             }
             let gap_m = subject.bounds.gap_m(&object.bounds);
-            let mut push = |kind| {
-                list.push(TruthRelation {
-                    subject: subject.id,
-                    kind,
-                    object: object.id,
-                    gap_m,
-                })
-            };
+            let mut push = |kind| list.push(TruthRelation { subject: subject.id, kind, object: object.id, gap_m });
             if subject.supported_by == Some(object.id) {
                 push(TruthKind::On);
             } else if object.supported_by != Some(subject.id) {
@@ -77,11 +70,7 @@ pub fn is_between(between: &ObjectTruth, a: &ObjectTruth, b: &ObjectTruth) -> bo
     if between.room != a.room || between.room != b.room {
         return false;
     }
-    let (p, q, m) = (
-        a.bounds.center().xy(),
-        b.bounds.center().xy(),
-        between.bounds.center().xy(),
-    );
+    let (p, q, m) = (a.bounds.center().xy(), b.bounds.center().xy(), between.bounds.center().xy());
     let line = q - p;
     let length = line.norm();
     if length < 1e-6 {
@@ -119,10 +108,7 @@ mod tests {
             material: "cardboard".into(),
             function: "storing odds and ends".into(),
             caption: String::new(),
-            bounds: Bounds {
-                min: Point3::new(x, 0.0, z),
-                max: Point3::new(x + 0.5, 0.5, z + 0.5),
-            },
+            bounds: Bounds { min: Point3::new(x, 0.0, z), max: Point3::new(x + 0.5, 0.5, z + 0.5) },
             yaw_rad: 0.0,
             room: 0,
             supported_by,
@@ -130,13 +116,7 @@ mod tests {
     }
 
     fn building(objects: Vec<ObjectTruth>) -> Building {
-        Building {
-            rooms: vec![],
-            doors: vec![],
-            objects,
-            mesh: TriangleMesh::default(),
-            movers: vec![],
-        }
+        Building { rooms: vec![], doors: vec![], objects, mesh: TriangleMesh::default(), movers: vec![] }
     }
 
     #[test]
@@ -148,10 +128,7 @@ mod tests {
             thing(3, 1.0, 0.0, None),
             thing(4, 1.0, 1.2, None),
         ]);
-        let found: Vec<_> = truth_relations(&b)
-            .iter()
-            .map(|r| (r.subject, r.kind, r.object))
-            .collect();
+        let found: Vec<_> = truth_relations(&b).iter().map(|r| (r.subject, r.kind, r.object)).collect();
         use TruthKind::*;
         assert_eq!(
             found,
@@ -171,11 +148,7 @@ mod tests {
 
     #[test]
     fn the_middle_one_of_three_is_between() {
-        let (a, m, b) = (
-            thing(1, 0.0, 0.0, None),
-            thing(2, 1.0, 0.0, None),
-            thing(3, 2.0, 0.0, None),
-        );
+        let (a, m, b) = (thing(1, 0.0, 0.0, None), thing(2, 1.0, 0.0, None), thing(3, 2.0, 0.0, None));
         assert!(is_between(&m, &a, &b));
         assert!(!is_between(&a, &m, &b));
     }

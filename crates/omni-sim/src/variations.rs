@@ -26,11 +26,7 @@ impl Building {
         copy.mesh.instances.iter_mut().for_each(|i| *i = new_id(*i));
         for mover in &mut copy.movers {
             mover.instance = new_id(mover.instance);
-            mover
-                .mesh
-                .instances
-                .iter_mut()
-                .for_each(|i| *i = new_id(*i));
+            mover.mesh.instances.iter_mut().for_each(|i| *i = new_id(*i));
         }
         copy
     }
@@ -90,27 +86,13 @@ mod tests {
     #[test]
     fn removing_a_table_removes_what_stands_on_it() {
         let b = named_scene("spin").expect("a named scene");
-        let on = b
-            .objects
-            .iter()
-            .find(|o| o.supported_by.is_some())
-            .expect("something stands on something");
+        let on = b.objects.iter().find(|o| o.supported_by.is_some()).expect("something stands on something");
         let table = on.supported_by.expect("found by it");
         let less = b.without_objects(&[table]);
         assert!(less.object(table).is_none() && less.object(on.id).is_none());
-        assert!(
-            less.mesh
-                .instances
-                .iter()
-                .all(|i| *i != table && *i != on.id)
-        );
+        assert!(less.mesh.instances.iter().all(|i| *i != table && *i != on.id));
         let count = |i: u32| b.mesh.instances.iter().filter(|x| **x == i).count();
-        let gone: usize = b
-            .objects
-            .iter()
-            .filter(|o| less.object(o.id).is_none())
-            .map(|o| count(o.id))
-            .sum();
+        let gone: usize = b.objects.iter().filter(|o| less.object(o.id).is_none()).map(|o| count(o.id)).sum();
         assert_eq!(less.mesh.faces.len(), b.mesh.faces.len() - gone);
     }
 
@@ -125,9 +107,7 @@ mod tests {
                 .iter()
                 .find(|o| o.bounds == old.bounds && o.caption == old.caption)
                 .expect("it is still there");
-            let count = |m: &crate::mesh::TriangleMesh, i: u32| {
-                m.instances.iter().filter(|x| **x == i).count()
-            };
+            let count = |m: &crate::mesh::TriangleMesh, i: u32| m.instances.iter().filter(|x| **x == i).count();
             assert_eq!(count(&b.mesh, old.id), count(&p.mesh, new.id));
         }
     }

@@ -23,11 +23,7 @@ pub fn is_usable(item: &Item, reach: &Reach) -> bool {
     let left = Vector2::new(-front.y, front.x);
     let middle = foot.center();
     let deep = extent(item, front) / 2.0;
-    let beside = if matches!(item.class.name, "desk" | "workbench" | "sofa") {
-        BESIDE_M
-    } else {
-        0.0
-    };
+    let beside = if matches!(item.class.name, "desk" | "workbench" | "sofa") { BESIDE_M } else { 0.0 };
     let wide = extent(item, left) / 2.0 + beside;
     reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
         let to = p - middle;
@@ -46,36 +42,20 @@ pub fn is_viewable(
     let foot = bounds.footprint();
     reach.near(&foot, VIEW_DISTANCE_M).any(|p| {
         let eye = Point3::new(p.x, p.y, space.floor_z_m + CAMERA_HEIGHT_M);
-        own_parts
-            .iter()
-            .any(|part| sees(&eye, &part.center(), own_parts, others, space))
+        own_parts.iter().any(|part| sees(&eye, &part.center(), own_parts, others, space))
     })
 }
 
 /// True if the straight line from the eye meets one of `own` before anything else and stays in the room.
-fn sees(
-    eye: &Point3<f64>,
-    target: &Point3<f64>,
-    own: &[Bounds],
-    others: &[&[Bounds]],
-    space: &RoomSpace,
-) -> bool {
-    let first = |boxes: &[Bounds]| {
-        boxes
-            .iter()
-            .filter_map(|b| entry(eye, target, b))
-            .fold(f64::INFINITY, f64::min)
-    };
+fn sees(eye: &Point3<f64>, target: &Point3<f64>, own: &[Bounds], others: &[&[Bounds]], space: &RoomSpace) -> bool {
+    let first = |boxes: &[Bounds]| boxes.iter().filter_map(|b| entry(eye, target, b)).fold(f64::INFINITY, f64::min);
     let hit = first(own);
     if !hit.is_finite() || others.iter().any(|o| first(o) < hit) {
         return false;
     }
     (1..5).all(|k| {
         let q = eye + (target - eye) * (hit * f64::from(k) / 5.0);
-        space
-            .floor
-            .iter()
-            .any(|r| r.contains(&Point2::new(q.x, q.y)))
+        space.floor.iter().any(|r| r.contains(&Point2::new(q.x, q.y)))
     })
 }
 

@@ -51,10 +51,7 @@ impl WallFace {
 
     /// As a rectangle without thickness.
     pub fn rect(&self) -> Rect {
-        Rect {
-            min: self.a.inf(&self.b),
-            max: self.a.sup(&self.b),
-        }
+        Rect { min: self.a.inf(&self.b), max: self.a.sup(&self.b) }
     }
 }
 
@@ -90,28 +87,14 @@ const CEILING: [u8; 3] = [240, 240, 238];
 
 impl StoreyWalls {
     /// Gives the lines of a plan a thickness. `hole` is cut into the grid so that a shaft may open there.
-    pub fn new(
-        plan: &StoreyPlan,
-        doors: &[PlanDoor],
-        thickness_m: f64,
-        floor_z_m: f64,
-        hole: Option<Rect>,
-    ) -> Self {
+    pub fn new(plan: &StoreyPlan, doors: &[PlanDoor], thickness_m: f64, floor_z_m: f64, hole: Option<Rect>) -> Self {
         let half = thickness_m / 2.0;
         let openings: Vec<Rect> = doors.iter().map(|d| opening_rect(d, half)).collect();
         let mut xs = Vec::new();
         let mut ys = Vec::new();
         for c in plan.rooms.iter().flat_map(|r| &r.parts) {
-            xs.extend(
-                [c.x0, c.x1]
-                    .iter()
-                    .flat_map(|&x| [f64::from(x) * UNIT_M - half, f64::from(x) * UNIT_M + half]),
-            );
-            ys.extend(
-                [c.y0, c.y1]
-                    .iter()
-                    .flat_map(|&y| [f64::from(y) * UNIT_M - half, f64::from(y) * UNIT_M + half]),
-            );
+            xs.extend([c.x0, c.x1].iter().flat_map(|&x| [f64::from(x) * UNIT_M - half, f64::from(x) * UNIT_M + half]));
+            ys.extend([c.y0, c.y1].iter().flat_map(|&y| [f64::from(y) * UNIT_M - half, f64::from(y) * UNIT_M + half]));
         }
         for r in openings.iter().chain(hole.iter()) {
             xs.extend([r.min.x, r.max.x]);
@@ -128,10 +111,7 @@ impl StoreyWalls {
             plan.rooms.iter().position(|r| {
                 r.parts.iter().any(|c| {
                     let units = |v: i32| f64::from(v) * UNIT_M;
-                    p.x >= units(c.x0)
-                        && p.x < units(c.x1)
-                        && p.y >= units(c.y0)
-                        && p.y < units(c.y1)
+                    p.x >= units(c.x0) && p.x < units(c.x1) && p.y >= units(c.y0) && p.y < units(c.y1)
                 })
             })
         };
@@ -142,28 +122,16 @@ impl StoreyWalls {
                 let c = Point2::new((x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0);
                 let here = label(c);
                 let corners = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
-                let plain = corners
-                    .iter()
-                    .all(|(sx, sy)| label(c + Vector2::new(sx * reach, sy * reach)) == here);
-                fill.push(
-                    match (plain, here, openings.iter().position(|o| o.contains(&c))) {
-                        (true, Some(room), _) => Fill::Room(room),
-                        (true, None, _) => Fill::Outside,
-                        (false, _, Some(door)) => Fill::Door(door),
-                        (false, _, None) => Fill::Wall,
-                    },
-                );
+                let plain = corners.iter().all(|(sx, sy)| label(c + Vector2::new(sx * reach, sy * reach)) == here);
+                fill.push(match (plain, here, openings.iter().position(|o| o.contains(&c))) {
+                    (true, Some(room), _) => Fill::Room(room),
+                    (true, None, _) => Fill::Outside,
+                    (false, _, Some(door)) => Fill::Door(door),
+                    (false, _, None) => Fill::Wall,
+                });
             }
         }
-        let mut walls = Self {
-            floor_z_m,
-            floors: Vec::new(),
-            faces: Vec::new(),
-            openings,
-            xs,
-            ys,
-            fill,
-        };
+        let mut walls = Self { floor_z_m, floors: Vec::new(), faces: Vec::new(), openings, xs, ys, fill };
         for room in 0..plan.rooms.len() {
             let mut floor = walls.merged(|f| f == Fill::Room(room));
             floor.sort_by(|a, b| b.area_m2().total_cmp(&a.area_m2()));
@@ -184,11 +152,7 @@ impl StoreyWalls {
                 center: Point3::new(r.center().x, r.center().y, self.floor_z_m),
                 width_m: d.width_m(),
                 height_m: DOOR_HEIGHT_M,
-                axis: if d.opening.vertical {
-                    DoorAxis::X
-                } else {
-                    DoorAxis::Y
-                },
+                axis: if d.opening.vertical { DoorAxis::X } else { DoorAxis::Y },
             })
             .collect()
     }
@@ -202,35 +166,15 @@ impl StoreyWalls {
         hole_below: Option<Rect>,
         hole_above: Option<Rect>,
     ) {
-        let (z0, zd, z1) = (
-            self.floor_z_m,
-            self.floor_z_m + DOOR_HEIGHT_M,
-            self.floor_z_m + CEILING_M,
-        );
+        let (z0, zd, z1) = (self.floor_z_m, self.floor_z_m + DOOR_HEIGHT_M, self.floor_z_m + CEILING_M);
         for (room, finish) in finishes.iter().enumerate() {
             for (z, hole, color) in [(z0, hole_below, finish.floor), (z1, hole_above, CEILING)] {
-                for r in self.merged_where(|f, c| {
-                    f == Fill::Room(room) && !hole.is_some_and(|h| h.contains(&c))
-                }) {
+                for r in self.merged_where(|f, c| f == Fill::Room(room) && !hole.is_some_and(|h| h.contains(&c))) {
                     push_level(mesh, &r, z, z == z0, color);
                 }
             }
-            self.push_borders(
-                mesh,
-                Fill::Room(room),
-                |f| f == Fill::Wall,
-                z0,
-                z1,
-                finish.wall,
-            );
-            self.push_borders(
-                mesh,
-                Fill::Room(room),
-                |f| matches!(f, Fill::Door(_)),
-                zd,
-                z1,
-                finish.wall,
-            );
+            self.push_borders(mesh, Fill::Room(room), |f| f == Fill::Wall, z0, z1, finish.wall);
+            self.push_borders(mesh, Fill::Room(room), |f| matches!(f, Fill::Door(_)), zd, z1, finish.wall);
         }
         for (door, r) in self.openings.iter().enumerate() {
             push_level(mesh, r, z0, true, TRIM);
@@ -239,12 +183,7 @@ impl StoreyWalls {
         }
         // The sides of the shaft through the slab.
         if let Some(h) = hole_above {
-            let corners = [
-                (h.min.x, h.min.y),
-                (h.max.x, h.min.y),
-                (h.max.x, h.max.y),
-                (h.min.x, h.max.y),
-            ];
+            let corners = [(h.min.x, h.min.y), (h.max.x, h.min.y), (h.max.x, h.max.y), (h.min.x, h.max.y)];
             for k in 0..4 {
                 let ((ax, ay), (bx, by)) = (corners[k], corners[(k + 1) % 4]);
                 push_wall(mesh, (ax, ay), (bx, by), z1, z1 + SLAB_M, CEILING);
@@ -277,14 +216,8 @@ impl StoreyWalls {
     fn merged_where(&self, take: impl Fn(Fill, Point2<f64>) -> bool) -> Vec<Rect> {
         let (w, h) = self.size();
         let mid = |lines: &[f64], i: usize| (lines[i] + lines[i + 1]) / 2.0;
-        let mut open: Vec<bool> = (0..w * h)
-            .map(|i| {
-                take(
-                    self.fill[i],
-                    Point2::new(mid(&self.xs, i % w), mid(&self.ys, i / w)),
-                )
-            })
-            .collect();
+        let mut open: Vec<bool> =
+            (0..w * h).map(|i| take(self.fill[i], Point2::new(mid(&self.xs, i % w), mid(&self.ys, i / w)))).collect();
         let mut rects = Vec::new();
         for iy in 0..h {
             for ix in 0..w {
@@ -300,12 +233,7 @@ impl StoreyWalls {
                     (ix..jx).for_each(|x| open[jy * w + x] = false);
                     jy += 1;
                 }
-                rects.push(Rect::new(
-                    self.xs[ix],
-                    self.ys[iy],
-                    self.xs[jx],
-                    self.ys[jy],
-                ));
+                rects.push(Rect::new(self.xs[ix], self.ys[iy], self.xs[jx], self.ys[jy]));
             }
         }
         rects
@@ -313,18 +241,11 @@ impl StoreyWalls {
 
     /// Borders of cells of kind `inside` towards cells that satisfy `beyond`, as straight runs
     /// `(start, end)` with `inside` on the left-hand side.
-    fn runs(
-        &self,
-        inside: Fill,
-        beyond: impl Fn(usize, usize) -> bool,
-    ) -> Vec<(Point2<f64>, Point2<f64>)> {
+    fn runs(&self, inside: Fill, beyond: impl Fn(usize, usize) -> bool) -> Vec<(Point2<f64>, Point2<f64>)> {
         let (w, h) = self.size();
         let is = |ix: usize, iy: usize| self.at(ix, iy) == inside;
         let mut runs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
-        let push = |runs: &mut Vec<(Point2<f64>, Point2<f64>)>,
-                    a: Point2<f64>,
-                    b: Point2<f64>,
-                    forward: bool| {
+        let push = |runs: &mut Vec<(Point2<f64>, Point2<f64>)>, a: Point2<f64>, b: Point2<f64>, forward: bool| {
             if let Some(last) = runs.last_mut() {
                 if forward && last.1 == a {
                     last.1 = b;
@@ -394,12 +315,7 @@ impl StoreyWalls {
                 let inward = Vector2::new(-along.y, along.x);
                 // Thicker than any wall: what lies 20 cm behind the face, sampled along it.
                 let behind = |s: f64| is_open_air(a + (b - a) * s - inward * 0.2);
-                WallFace {
-                    a,
-                    b,
-                    inward,
-                    is_outer: [0.1, 0.3, 0.5, 0.7, 0.9].iter().all(|&s| behind(s)),
-                }
+                WallFace { a, b, inward, is_outer: [0.1, 0.3, 0.5, 0.7, 0.9].iter().all(|&s| behind(s)) }
             })
             .collect()
     }
@@ -408,11 +324,7 @@ impl StoreyWalls {
 /// The doorway's rectangle in the wall.
 fn opening_rect(door: &PlanDoor, half: f64) -> Rect {
     let o = &door.opening;
-    let (line, from, to) = (
-        f64::from(o.line) * UNIT_M,
-        f64::from(o.from) * UNIT_M,
-        f64::from(o.to) * UNIT_M,
-    );
+    let (line, from, to) = (f64::from(o.line) * UNIT_M, f64::from(o.from) * UNIT_M, f64::from(o.to) * UNIT_M);
     if o.vertical {
         Rect::new(line - half, from, line + half, to)
     } else {
@@ -423,12 +335,8 @@ fn opening_rect(door: &PlanDoor, half: f64) -> Rect {
 /// A horizontal rectangle of structure, facing up or down.
 fn push_level(mesh: &mut TriangleMesh, r: &Rect, z: f64, up: bool, color: [u8; 3]) {
     let corner = |x: f64, y: f64| Point3::new(x, y, z);
-    let mut quad = [
-        corner(r.min.x, r.min.y),
-        corner(r.max.x, r.min.y),
-        corner(r.max.x, r.max.y),
-        corner(r.min.x, r.max.y),
-    ];
+    let mut quad =
+        [corner(r.min.x, r.min.y), corner(r.max.x, r.min.y), corner(r.max.x, r.max.y), corner(r.min.x, r.max.y)];
     if !up {
         quad.reverse();
     }
@@ -436,19 +344,8 @@ fn push_level(mesh: &mut TriangleMesh, r: &Rect, z: f64, up: bool, color: [u8; 3
 }
 
 /// A vertical rectangle of structure above the line from `a` to `b`, facing the left-hand side of the line.
-fn push_wall(
-    mesh: &mut TriangleMesh,
-    a: (f64, f64),
-    b: (f64, f64),
-    z0: f64,
-    z1: f64,
-    color: [u8; 3],
-) {
-    let quad = [
-        Point3::new(b.0, b.1, z0),
-        Point3::new(a.0, a.1, z0),
-        Point3::new(a.0, a.1, z1),
-        Point3::new(b.0, b.1, z1),
-    ];
+fn push_wall(mesh: &mut TriangleMesh, a: (f64, f64), b: (f64, f64), z0: f64, z1: f64, color: [u8; 3]) {
+    let quad =
+        [Point3::new(b.0, b.1, z0), Point3::new(a.0, a.1, z0), Point3::new(a.0, a.1, z1), Point3::new(b.0, b.1, z1)];
     push_quad(mesh, quad, 0, color);
 }

@@ -3,13 +3,18 @@
 //! [`World::ray`] answers one ray; sensors take a [`Snapshot`] (the movers' poses at one time) and cast many. Every
 //! triangle of the world has one number, its *surface*: static triangles first, then those of each mover.
 
+mod check;
+mod facet;
+
+pub use check::WorldError;
+
 use crate::building::Building;
 use crate::bvh::{Bvh, RayStack};
 use crate::mesh::{InstanceId, Mover, TriangleMesh};
 use crate::noise::NoiseKey;
+use check::{check_mesh, check_mover};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
-use thiserror::Error;
 
 /// What a viewer would say about an instance. Instance 0 (the structure) needs no entry.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -22,43 +27,6 @@ pub struct Thing {
     pub color: String,
     /// A sentence or two about it.
     pub caption: String,
-}
-
-/// Why a world could not be made.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum WorldError {
-    /// `instances` or `colors` of a mesh has not one entry per face.
-    #[error("a mesh has {faces} faces but {entries} instances or colours")]
-    LengthsDiffer {
-        /// Number of faces.
-        faces: usize,
-        /// Number of entries of the shorter or longer list.
-        entries: usize,
-    },
-    /// A face names a vertex that is not there.
-    #[error("face {face} names a vertex beyond the end")]
-    VertexIndex {
-        /// Index of the face.
-        face: usize,
-    },
-    /// A vertex or a mover's pose is NaN or infinite.
-    #[error("a vertex or a pose is not finite")]
-    NotFinite,
-    /// A mover without a pose, or with stamps that do not grow.
-    #[error("the path of mover {instance} is empty or out of order")]
-    MoverPath {
-        /// Instance of the mover.
-        instance: InstanceId,
-    },
-    /// Two entries describe the same instance.
-    #[error("instance {instance} is described twice")]
-    DescribedTwice {
-        /// The instance.
-        instance: InstanceId,
-    },
-    /// More than 2^31 triangles.
-    #[error("too many triangles")]
-    TooLarge,
 }
 
 /// The first thing a ray meets.
@@ -91,7 +59,8 @@ pub struct World {
 struct MovingMesh {
     mover: Mover,
     bvh: Bvh,
-    /// Smallest sphere about the mover's origin that holds its mesh.
+    /// A ball that holds the mesh, in the mover's frame.
+    center: Point3<f32>,
     radius: f32,
     /// Surface number of its first triangle.
     first_surface: u32,
@@ -122,25 +91,22 @@ pub(crate) struct Extent {
 }
 
 impl World {
-    /// Checks the input and builds the trees (about 100 ms for 50 000 triangles).
-    pub fn new(
-        static_mesh: TriangleMesh,
-        movers: Vec<Mover>,
-        mut things: Vec<Thing>,
-    ) -> Result<World, WorldError> {
+    /// Checks the input and builds the trees (about 100 ms for 50 000 triangles). Movers with one key pose never move:
+    /// their triangles are added to the static mesh.
+    pub fn new(mut static_mesh: TriangleMesh, movers: Vec<Mover>, mut things: Vec<Thing>) -> Result<World, WorldError> {
         check_mesh(&static_mesh)?;
         movers.iter().try_for_each(check_mover)?;
         things.sort_by_key(|t| t.instance);
         if let Some(pair) = things.windows(2).find(|w| w[0].instance == w[1].instance) {
-            return Err(WorldError::DescribedTwice {
-                instance: pair[0].instance,
-            });
+            return Err(WorldError::DescribedTwice { instance: pair[0].instance });
         }
-        let total =
-            static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
+        let total = static_mesh.faces.len() + movers.iter().map(|m| m.mesh.faces.len()).sum::<usize>();
         if total >= 1 << 31 {
             return Err(WorldError::TooLarge);
         }
+
+        let (still, movers): (Vec<Mover>, Vec<Mover>) = movers.into_iter().partition(|m| m.path.len() == 1);
+        still.iter().for_each(|mover| bake(mover, &mut static_mesh));
 
         let mut facets = facet::Facets::default();
         let mut surfaces = Vec::with_capacity(total);
@@ -150,33 +116,18 @@ impl World {
             .into_iter()
             .map(|mover| {
                 let first_surface = surfaces.len() as u32;
-                surfaces_of(
-                    &mover.mesh,
-                    Some(mover.instance),
-                    &mut facets,
-                    &mut surfaces,
-                );
+                let (center, radius) = ball_of(&mover.mesh);
+                surfaces_of(&mover.mesh, Some(mover.instance), &mut facets, &mut surfaces);
                 MovingMesh {
                     bvh: Bvh::build(&mover.mesh.vertices, &mover.mesh.faces),
-                    radius: mover
-                        .mesh
-                        .vertices
-                        .iter()
-                        .map(|v| v.coords.norm())
-                        .fold(0.0, f32::max),
+                    center,
+                    radius,
                     mover,
                     first_surface,
                 }
             })
             .collect();
-        let mut world = World {
-            static_mesh,
-            static_bvh,
-            movers: moving,
-            things,
-            surfaces,
-            extents: Vec::new(),
-        };
+        let mut world = World { static_mesh, static_bvh, movers: moving, things, surfaces, extents: Vec::new() };
         world.extents = world.measure_extents();
         Ok(world)
     }
@@ -189,11 +140,7 @@ impl World {
             color: object.color.clone(),
             caption: object.caption.clone(),
         });
-        World::new(
-            building.mesh.clone(),
-            building.movers.clone(),
-            things.collect(),
-        )
+        World::new(building.mesh.clone(), building.movers.clone(), things.collect())
     }
 
     /// First thing along `direction` (any length but zero) within `max_distance_m`, with the movers where they are at
@@ -210,18 +157,10 @@ impl World {
             return None;
         }
         let snapshot = self.at(stamp_ns);
-        let (distance, surface) = snapshot.cast(
-            &origin.cast(),
-            &unit.cast(),
-            max_distance_m as f32,
-            &mut RayStack::default(),
-        )?;
+        let (distance, surface) =
+            snapshot.cast(&origin.cast(), &unit.cast(), max_distance_m as f32, &mut RayStack::default())?;
         let normal: Vector3<f64> = snapshot.normal(surface).cast();
-        let facing = if normal.dot(&unit) > 0.0 {
-            -normal
-        } else {
-            normal
-        };
+        let facing = if normal.dot(&unit) > 0.0 { -normal } else { normal };
         Some(Hit {
             distance_m: f64::from(distance),
             point: origin + unit * f64::from(distance),
@@ -232,13 +171,7 @@ impl World {
     }
 
     /// Whether nothing lies on the segment from `from` to `to`, apart from a hand's breadth (`slack_m`) before `to`.
-    pub fn is_clear(
-        &self,
-        from: &Point3<f64>,
-        to: &Point3<f64>,
-        slack_m: f64,
-        stamp_ns: i64,
-    ) -> bool {
+    pub fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>, slack_m: f64, stamp_ns: i64) -> bool {
         let step = to - from;
         let length = step.norm();
         length <= slack_m || self.ray(from, &step, length - slack_m, stamp_ns).is_none()
@@ -248,10 +181,13 @@ impl World {
     pub fn at(&self, stamp_ns: i64) -> Snapshot<'_> {
         Snapshot {
             world: self,
-            mover_poses: self
+            movers: self
                 .movers
                 .iter()
-                .map(|m| m.mover.pose_at(stamp_ns).cast())
+                .map(|moving| {
+                    let pose: Isometry3<f32> = moving.mover.pose_at(stamp_ns).cast();
+                    PosedMover { center: pose * moving.center, pose }
+                })
                 .collect(),
         }
     }
@@ -267,12 +203,12 @@ impl World {
         &self.things
     }
 
-    /// The triangles that do not move.
+    /// The triangles that do not move: those given first, then those of movers with one pose.
     pub fn static_mesh(&self) -> &TriangleMesh {
         &self.static_mesh
     }
 
-    /// The movers, in the order they were given.
+    /// The movers with more than one pose, in the order they were given.
     pub fn movers(&self) -> impl Iterator<Item = &Mover> {
         self.movers.iter().map(|m| &m.mover)
     }
@@ -295,9 +231,7 @@ impl World {
     }
 
     fn extents_of(&self, mesh: &TriangleMesh, mover: Option<usize>, extents: &mut Vec<Extent>) {
-        for (instance, faces) in
-            faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance))
-        {
+        for (instance, faces) in faces_by_instance(mesh, mover.map(|m| self.movers[m].mover.instance)) {
             if instance == 0 {
                 continue;
             }
@@ -308,22 +242,12 @@ impl World {
                 high = high.sup(&mesh.vertices[corner as usize]);
             }
             let class = self.thing(instance).map_or("", |t| t.class.as_str());
-            let start = mover.map_or(Vector3::zeros(), |m| {
-                self.movers[m].mover.path[0].1.translation.vector
-            });
+            let start = mover.map_or(Vector3::zeros(), |m| self.movers[m].mover.path[0].1.translation.vector);
             let center: Vector3<f64> = nalgebra::center(&low, &high).coords.cast() + start;
             let noise = center
                 .iter()
-                .fold(NoiseKey::new(0).with_text(class), |key, x| {
-                    key.with((x * 1000.0).round() as i64 as u64)
-                });
-            extents.push(Extent {
-                instance,
-                mover,
-                low,
-                high,
-                noise,
-            });
+                .fold(NoiseKey::new(0).with_text(class), |key, x| key.with((x * 1000.0).round() as i64 as u64));
+            extents.push(Extent { instance, mover, low, high, noise });
         }
     }
 }
@@ -332,7 +256,14 @@ impl World {
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
     world: &'a World,
-    mover_poses: Vec<Isometry3<f32>>,
+    movers: Vec<PosedMover>,
+}
+
+#[derive(Debug, Clone)]
+struct PosedMover {
+    pose: Isometry3<f32>,
+    /// Middle of its ball in the world.
+    center: Point3<f32>,
 }
 
 impl Snapshot<'_> {
@@ -350,23 +281,17 @@ impl Snapshot<'_> {
             .static_bvh
             .cast(origin, direction, max_distance_m, stack)
             .map(|hit| (hit.distance, hit.triangle));
-        for (moving, pose) in self.world.movers.iter().zip(&self.mover_poses) {
+        for (moving, posed) in self.world.movers.iter().zip(&self.movers) {
             let limit = best.map_or(max_distance_m, |(distance, _)| distance);
-            let to_center = pose.translation.vector - origin.coords;
+            let to_center = posed.center - origin;
             let along = to_center.dot(direction);
             let beside = (to_center - direction * along).norm_squared();
-            if beside > moving.radius * moving.radius
-                || along < -moving.radius
-                || along - moving.radius > limit
-            {
+            if beside > moving.radius * moving.radius || along < -moving.radius || along - moving.radius > limit {
                 continue;
             }
-            let local_origin = pose.inverse_transform_point(origin);
-            let local_direction = pose.inverse_transform_vector(direction);
-            if let Some(hit) = moving
-                .bvh
-                .cast(&local_origin, &local_direction, limit, stack)
-            {
+            let local_origin = posed.pose.inverse_transform_point(origin);
+            let local_direction = posed.pose.inverse_transform_vector(direction);
+            if let Some(hit) = moving.bvh.cast(&local_origin, &local_direction, limit, stack) {
                 best = Some((hit.distance, hit.triangle + moving.first_surface));
             }
         }
@@ -380,12 +305,8 @@ impl Snapshot<'_> {
         if (surface as usize) < self.world.static_mesh.faces.len() {
             return normal;
         }
-        let mover = self
-            .world
-            .movers
-            .partition_point(|m| m.first_surface <= surface)
-            - 1;
-        self.mover_poses[mover] * normal
+        let mover = self.world.movers.partition_point(|m| m.first_surface <= surface) - 1;
+        self.movers[mover].pose * normal
     }
 
     /// The world this is a moment of.
@@ -394,7 +315,7 @@ impl Snapshot<'_> {
     }
 
     pub(crate) fn mover_pose(&self, mover: usize) -> &Isometry3<f32> {
-        &self.mover_poses[mover]
+        &self.movers[mover].pose
     }
 }
 
@@ -403,10 +324,7 @@ impl Mover {
     /// before the first and after the last.
     pub fn pose_at(&self, stamp_ns: i64) -> Isometry3<f64> {
         let next = self.path.partition_point(|(stamp, _)| *stamp <= stamp_ns);
-        match (
-            next.checked_sub(1).map(|i| &self.path[i]),
-            self.path.get(next),
-        ) {
+        match (next.checked_sub(1).map(|i| &self.path[i]), self.path.get(next)) {
             (None, Some((_, first))) => *first,
             (Some((_, last)), None) => *last,
             (Some((t0, before)), Some((t1, after))) => {
@@ -421,45 +339,6 @@ impl Mover {
     }
 }
 
-fn check_mesh(mesh: &TriangleMesh) -> Result<(), WorldError> {
-    let faces = mesh.faces.len();
-    for entries in [mesh.instances.len(), mesh.colors.len()] {
-        if entries != faces {
-            return Err(WorldError::LengthsDiffer { faces, entries });
-        }
-    }
-    let count = mesh.vertices.len() as u32;
-    if let Some(face) = mesh
-        .faces
-        .iter()
-        .position(|f| f.iter().any(|&i| i >= count))
-    {
-        return Err(WorldError::VertexIndex { face });
-    }
-    if !mesh
-        .vertices
-        .iter()
-        .all(|v| v.iter().all(|x| x.is_finite()))
-    {
-        return Err(WorldError::NotFinite);
-    }
-    Ok(())
-}
-
-fn check_mover(mover: &Mover) -> Result<(), WorldError> {
-    check_mesh(&mover.mesh)?;
-    if mover.path.is_empty() || mover.path.windows(2).any(|w| w[0].0 >= w[1].0) {
-        return Err(WorldError::MoverPath {
-            instance: mover.instance,
-        });
-    }
-    let is_finite = |pose: &Isometry3<f64>| pose.to_homogeneous().iter().all(|x| x.is_finite());
-    if !mover.path.iter().all(|(_, pose)| is_finite(pose)) {
-        return Err(WorldError::NotFinite);
-    }
-    Ok(())
-}
-
 /// Appends the surfaces of a mesh; a mover's instance overrides that of its triangles.
 fn surfaces_of(
     mesh: &TriangleMesh,
@@ -470,74 +349,42 @@ fn surfaces_of(
     facets.next_mesh();
     for (face, corners) in mesh.faces.iter().enumerate() {
         let [a, b, c] = corners.map(|i| mesh.vertices[i as usize]);
-        let normal = (b - a)
-            .cross(&(c - a))
-            .try_normalize(0.0)
-            .unwrap_or_else(Vector3::z);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let instance = mover.unwrap_or(mesh.instances[face]);
         let color = mesh.colors[face];
-        surfaces.push(Surface {
-            normal,
-            instance,
-            facet: facets.number(instance, color, &normal, &a),
-            color,
-        });
+        surfaces.push(Surface { normal, instance, facet: facets.number(instance, color, &normal, &a), color });
     }
+}
+
+/// Adds the triangles of a mover with one pose to the static mesh.
+fn bake(mover: &Mover, mesh: &mut TriangleMesh) {
+    let base = mesh.vertices.len() as u32;
+    let pose = &mover.path[0].1;
+    let placed = mover.mesh.vertices.iter();
+    mesh.vertices.extend(placed.map(|v| (pose * v.cast::<f64>()).cast::<f32>()));
+    let faces = mover.mesh.faces.iter();
+    mesh.faces.extend(faces.map(|f| f.map(|i| base + i)));
+    mesh.instances.extend(std::iter::repeat_n(mover.instance, mover.mesh.faces.len()));
+    mesh.colors.extend_from_slice(&mover.mesh.colors);
+}
+
+/// A ball about the middle of a mesh's box.
+fn ball_of(mesh: &TriangleMesh) -> (Point3<f32>, f32) {
+    let Some(first) = mesh.vertices.first() else {
+        return (Point3::origin(), 0.0);
+    };
+    let low = mesh.vertices.iter().fold(*first, |a, b| a.inf(b));
+    let high = mesh.vertices.iter().fold(*first, |a, b| a.sup(b));
+    let center = nalgebra::center(&low, &high);
+    let reach = |v: &Point3<f32>| (v - center).norm();
+    (center, mesh.vertices.iter().map(reach).fold(0.0, f32::max) * 1.0001)
 }
 
 /// Faces of each instance, by instance.
-fn faces_by_instance(
-    mesh: &TriangleMesh,
-    mover: Option<InstanceId>,
-) -> BTreeMap<InstanceId, Vec<usize>> {
+fn faces_by_instance(mesh: &TriangleMesh, mover: Option<InstanceId>) -> BTreeMap<InstanceId, Vec<usize>> {
     let mut faces: BTreeMap<InstanceId, Vec<usize>> = BTreeMap::new();
     for (face, &instance) in mesh.instances.iter().enumerate() {
-        faces
-            .entry(mover.unwrap_or(instance))
-            .or_default()
-            .push(face);
+        faces.entry(mover.unwrap_or(instance)).or_default().push(face);
     }
     faces
-}
-
-mod facet {
-    use super::InstanceId;
-    use nalgebra::{Point3, Vector3};
-    use std::collections::BTreeMap;
-
-    /// Numbers groups of coplanar triangles of one instance and colour. Planes are compared after rounding (1e-3 in the
-    /// normal, 1 mm in the offset): a group that rounding tears apart only costs a renderer a few more rays.
-    #[derive(Default)]
-    pub struct Facets {
-        mesh: u32,
-        known: BTreeMap<(u32, InstanceId, [u8; 3], [i32; 4]), u32>,
-    }
-
-    impl Facets {
-        /// Triangles of different meshes never share a facet.
-        pub fn next_mesh(&mut self) {
-            self.mesh += 1;
-        }
-
-        pub fn number(
-            &mut self,
-            instance: InstanceId,
-            color: [u8; 3],
-            normal: &Vector3<f32>,
-            corner: &Point3<f32>,
-        ) -> u32 {
-            let round = |x: f32| (x * 1000.0).round() as i32;
-            let plane = [
-                round(normal.x),
-                round(normal.y),
-                round(normal.z),
-                round(normal.dot(&corner.coords)),
-            ];
-            let next = self.known.len() as u32;
-            *self
-                .known
-                .entry((self.mesh, instance, color, plane))
-                .or_insert(next)
-        }
-    }
 }

@@ -18,16 +18,11 @@ fn trunk() -> Vec<CollisionShape> {
     vec![
         CollisionShape {
             body_from_shape: Isometry3::identity(),
-            geometry: ShapeGeometry::Box {
-                half_m: Vector3::new(0.35, 0.16, 0.1),
-            },
+            geometry: ShapeGeometry::Box { half_m: Vector3::new(0.35, 0.16, 0.1) },
         },
         CollisionShape {
             body_from_shape: Isometry3::translation(0.0, 0.0, -0.2),
-            geometry: ShapeGeometry::Cylinder {
-                radius_m: 0.1,
-                half_length_m: 0.11,
-            },
+            geometry: ShapeGeometry::Cylinder { radius_m: 0.1, half_length_m: 0.11 },
         },
     ]
 }
@@ -35,9 +30,7 @@ fn trunk() -> Vec<CollisionShape> {
 fn frame() -> Vec<CollisionShape> {
     vec![CollisionShape {
         body_from_shape: Isometry3::identity(),
-        geometry: ShapeGeometry::Box {
-            half_m: Vector3::new(0.25, 0.25, 0.08),
-        },
+        geometry: ShapeGeometry::Box { half_m: Vector3::new(0.25, 0.25, 0.08) },
     }]
 }
 
@@ -61,17 +54,14 @@ fn integrate(
     let mut rotation = world_from_imu.rotation;
     let mut position = Point3::from(world_from_imu.translation.vector);
     let lever = body_from_imu.translation.vector;
-    let mut velocity = start.velocity_world
-        + start.world_from_body.rotation * start.angular_velocity_body.cross(&lever);
+    let mut velocity =
+        start.velocity_world + start.world_from_body.rotation * start.angular_velocity_body.cross(&lever);
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     for pair in samples.windows(2) {
         let dt = (pair[1].stamp_ns - pair[0].stamp_ns) as f64 * 1e-9;
         let rate = (pair[0].angular_velocity_radps + pair[1].angular_velocity_radps) / 2.0;
         // Second-order coning term of two neighbouring samples.
-        let coning = pair[0]
-            .angular_velocity_radps
-            .cross(&pair[1].angular_velocity_radps)
-            * (dt * dt / 12.0);
+        let coning = pair[0].angular_velocity_radps.cross(&pair[1].angular_velocity_radps) * (dt * dt / 12.0);
         let next = rotation * UnitQuaternion::from_scaled_axis(rate * dt + coning);
         let a0 = rotation * pair[0].specific_force_mps2 + gravity;
         let a1 = next * pair[1].specific_force_mps2 + gravity;
@@ -83,19 +73,13 @@ fn integrate(
 }
 
 fn check_imu(motion: &dyn Motion, seconds: i64) {
-    let body_from_imu =
-        Isometry3::new(Vector3::new(0.1, -0.05, 0.12), Vector3::new(0.3, -0.2, 1.0));
+    let body_from_imu = Isometry3::new(Vector3::new(0.1, -0.05, 0.12), Vector3::new(0.3, -0.2, 1.0));
     let mut imu = Imu::new(ImuConfig::noise_free(), body_from_imu).unwrap();
-    let samples: Vec<ImuRecord> = (0..=seconds * 200)
-        .map(|i| imu.sample(motion, i * 5_000_000).unwrap())
-        .collect();
+    let samples: Vec<ImuRecord> = (0..=seconds * 200).map(|i| imu.sample(motion, i * 5_000_000).unwrap()).collect();
     let (position, rotation) = integrate(motion, &samples, &body_from_imu);
     let truth = motion.at(seconds * 1_000_000_000).world_from_body * body_from_imu;
     let error = (position.coords - truth.translation.vector).norm();
-    assert!(
-        error < POSE_TOL_M,
-        "position off by {error} m after {seconds} s"
-    );
+    assert!(error < POSE_TOL_M, "position off by {error} m after {seconds} s");
     let turned = rotation.angle_to(&truth.rotation);
     assert!(turned < 1e-4, "rotation off by {turned} rad");
 }
@@ -114,11 +98,7 @@ fn integrating_imu_samples_of_a_walk_gives_the_pose() {
     }
     let height = base.track().pieces().map(|p| p.position[2].start.value);
     let (low, high) = height.fold((9.0_f64, 0.0_f64), |(l, h), z| (l.min(z), h.max(z)));
-    assert!(
-        high - low > 0.01 && high - low < 0.02,
-        "the trunk heaves {} m",
-        high - low
-    );
+    assert!(high - low > 0.01 && high - low < 0.02, "the trunk heaves {} m", high - low);
     check_imu(&base, 10);
 }
 
@@ -141,18 +121,11 @@ fn integrating_imu_samples_of_a_flight_gives_the_pose() {
         let y = 60.0 * (0.15 * (0.8 * t).cos() - pitch) - 12.0 * w.y;
         let z = 30.0 * ((0.5 * t).sin() - w.z);
         let lift = hover - 20.0 * state.velocity_world.z;
-        let commands = [
-            lift - x - y - z,
-            lift + x + y - z,
-            lift + x - y + z,
-            lift - x + y + z,
-        ];
+        let commands = [lift - x - y - z, lift + x + y - z, lift + x - y + z, lift - x + y + z];
         robot.step(0.004, &commands, None).unwrap();
     }
     let end = robot.state();
-    assert!(
-        end.world_from_body.translation.vector.norm() < 100.0 && end.velocity_world.norm() > 0.1
-    );
+    assert!(end.world_from_body.translation.vector.norm() < 100.0 && end.velocity_world.norm() > 0.1);
     check_imu(&robot, 10);
 }
 
@@ -162,8 +135,7 @@ fn half_the_step_gives_the_same_flight() {
     let flight = |step_s: f64| {
         let config = QuadrotorConfig::x500();
         let hover = config.hover_speed_radps();
-        let mut robot =
-            Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 5.0), hover).unwrap();
+        let mut robot = Quadrotor::new(config, 0, Isometry3::translation(0.0, 0.0, 5.0), hover).unwrap();
         for i in 0..8 {
             let d = if i % 2 == 0 { 3.0 } else { -3.0 };
             let commands = [hover + d, hover - d, hover + d, hover - d + 1.0];
@@ -183,12 +155,8 @@ fn a_wall_stops_the_base() {
     for yaw in [0.0, 0.4, -0.9] {
         let world = yard();
         let mut contacts = ContactWorld::new(&world, &trunk(), &[]).unwrap();
-        let mut base =
-            GroundBase::new(GroundBaseConfig::default(), 0, (0.3, -3.0, yaw), 0.0).unwrap();
-        let ahead = VelocityCommand {
-            forward_mps: 1.0,
-            ..VelocityCommand::default()
-        };
+        let mut base = GroundBase::new(GroundBaseConfig::default(), 0, (0.3, -3.0, yaw), 0.0).unwrap();
+        let ahead = VelocityCommand { forward_mps: 1.0, ..VelocityCommand::default() };
         let mut counter = TouchCounter::new(0.5);
         let mut deepest: f64 = 0.0;
         for _ in 0..250 {
@@ -225,19 +193,13 @@ fn walking_on_the_floor_is_no_contact_and_movers_touch() {
         let mut base = GroundBase::new(GroundBaseConfig::default(), 0, (x, y, 0.0), 0.0).unwrap();
         let mut touched = Vec::new();
         for _ in 0..200 {
-            touched.extend(
-                base.step(0.02, &VelocityCommand::default(), Some(contacts))
-                    .unwrap(),
-            );
+            touched.extend(base.step(0.02, &VelocityCommand::default(), Some(contacts)).unwrap());
         }
         touched
     };
     assert!(stand(0.0, 0.0, &mut contacts).is_empty());
     let touched = stand(1.4, 1.25, &mut contacts);
-    assert!(
-        !touched.is_empty() && touched.iter().all(|c| c.instance == 77),
-        "{touched:?}"
-    );
+    assert!(!touched.is_empty() && touched.iter().all(|c| c.instance == 77), "{touched:?}");
     let mut unheeding = ContactWorld::new(&world, &trunk(), &[77]).unwrap();
     assert!(stand(1.4, 1.25, &mut unheeding).is_empty());
 }
@@ -256,11 +218,7 @@ fn a_dropped_quadrotor_comes_to_rest_on_the_floor() {
     let state = robot.state();
     let z = state.world_from_body.translation.z;
     assert!((z - 0.08).abs() < 0.005, "rests at {z}");
-    assert!(
-        state.velocity_world.norm() < 0.02,
-        "{}",
-        state.velocity_world.norm()
-    );
+    assert!(state.velocity_world.norm() < 0.02, "{}", state.velocity_world.norm());
     assert!((1..=2).contains(&counter.touches().len()));
 }
 
@@ -279,10 +237,7 @@ fn a_quadrotor_bounces_off_a_wall() {
         touched.extend(robot.step(0.02, &[hover; 4], Some(&mut contacts)).unwrap());
         farthest = farthest.max(robot.state().world_from_body.translation.x);
     }
-    assert!(
-        touched.iter().any(|c| c.normal.x < -0.9),
-        "it touches the wall"
-    );
+    assert!(touched.iter().any(|c| c.normal.x < -0.9), "it touches the wall");
     assert!(farthest < 1.85, "and does not go through: x = {farthest}");
     assert!(robot.state().is_finite());
 }
@@ -299,11 +254,7 @@ fn contact_of_a_box_with_a_wall_by_hand() {
         assert!((c.normal + Vector3::x()).norm() < 1e-4, "{c:?}");
         assert!((c.point.x - 2.0).abs() < 1e-3 && c.instance == 0, "{c:?}");
     }
-    assert!(
-        contacts
-            .contacts(&Isometry3::translation(1.74, -3.0, 1.0), 0)
-            .is_empty()
-    );
+    assert!(contacts.contacts(&Isometry3::translation(1.74, -3.0, 1.0), 0).is_empty());
     // From above on the thing with instance 3 (its top is at 0.7).
     let found = contacts.contacts(&Isometry3::translation(0.0, 2.2, 0.775), 0);
     assert!(found.iter().all(|c| c.instance == 3 && c.normal.z > 0.99) && !found.is_empty());

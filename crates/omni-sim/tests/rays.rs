@@ -20,10 +20,7 @@ fn random_unit(key: NoiseKey) -> Vector3<f32> {
 }
 
 fn parry_mesh(vertices: &[Point3<f32>], faces: &[[u32; 3]]) -> TriMesh {
-    let vertices = vertices
-        .iter()
-        .map(|v| Vector::new(v.x, v.y, v.z))
-        .collect();
+    let vertices = vertices.iter().map(|v| Vector::new(v.x, v.y, v.z)).collect();
     TriMesh::new(vertices, faces.to_vec()).unwrap()
 }
 
@@ -63,26 +60,14 @@ fn no_ray_leaves_a_closed_room_and_all_agree_with_parry() {
         };
         let ours = bvh.cast(&origin, &direction, 100.0, &mut stack);
         let ours = ours.unwrap_or_else(|| panic!("ray {i} leaks: {origin:?} {direction:?}"));
-        let ray = Ray::new(
-            Vector::new(origin.x, origin.y, origin.z),
-            Vector::new(direction.x, direction.y, direction.z),
-        );
+        let ray =
+            Ray::new(Vector::new(origin.x, origin.y, origin.z), Vector::new(direction.x, direction.y, direction.z));
         let exact = distance_to_the_walls(&origin, &direction);
-        assert!(
-            (ours.distance - exact).abs() < DISTANCE_TOL_M,
-            "ray {i}: {} {exact}",
-            ours.distance
-        );
+        assert!((ours.distance - exact).abs() < DISTANCE_TOL_M, "ray {i}: {} {exact}", ours.distance);
         // Parry itself misses a few of the rays that aim at an edge; it need not be asked for those.
         if i % 2 == 0 {
-            let theirs = parry
-                .cast_local_ray(&ray, 100.0, false)
-                .expect("parry hits");
-            assert!(
-                (ours.distance - theirs).abs() < DISTANCE_TOL_M,
-                "ray {i}: {} {theirs}",
-                ours.distance
-            );
+            let theirs = parry.cast_local_ray(&ray, 100.0, false).expect("parry hits");
+            assert!((ours.distance - theirs).abs() < DISTANCE_TOL_M, "ray {i}: {} {theirs}", ours.distance);
         }
     }
 }
@@ -102,10 +87,8 @@ fn a_furnished_flat_agrees_with_parry() {
             key.with(3).between(0.2, 2.3) as f32,
         );
         let direction = random_unit(key.with(4));
-        let ray = Ray::new(
-            Vector::new(origin.x, origin.y, origin.z),
-            Vector::new(direction.x, direction.y, direction.z),
-        );
+        let ray =
+            Ray::new(Vector::new(origin.x, origin.y, origin.z), Vector::new(direction.x, direction.y, direction.z));
         let ours = bvh.cast(&origin, &direction, 30.0, &mut stack);
         let theirs = parry.cast_local_ray(&ray, 30.0, false);
         match (ours, theirs) {

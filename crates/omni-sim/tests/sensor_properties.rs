@@ -17,15 +17,9 @@ const HEIGHT: u32 = 9;
 
 /// Blotches: mostly runs, often full columns, touching the borders and the seam.
 fn region() -> impl Strategy<Value = Region> {
-    let run = (
-        0..WIDTH,
-        prop_oneof![Just(0), 0..HEIGHT],
-        prop_oneof![Just(HEIGHT), 0..=HEIGHT],
-    );
+    let run = (0..WIDTH, prop_oneof![Just(0), 0..HEIGHT], prop_oneof![Just(HEIGHT), 0..=HEIGHT]);
     prop::collection::vec(run, 0..20).prop_map(|runs| {
-        let runs = runs
-            .into_iter()
-            .map(|(column, from, to)| Run { column, from, to });
+        let runs = runs.into_iter().map(|(column, from, to)| Run { column, from, to });
         Region::from_runs(runs.collect())
     })
 }
@@ -33,8 +27,7 @@ fn region() -> impl Strategy<Value = Region> {
 fn pixels(region: &Region) -> Vec<bool> {
     let counts = region.coco_counts(WIDTH, HEIGHT);
     let runs = counts.iter().enumerate();
-    runs.flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n as usize))
-        .collect()
+    runs.flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n as usize)).collect()
 }
 
 fn is_in(pixels: &[bool], column: i64, row: i64) -> Option<bool> {
@@ -109,11 +102,8 @@ fn check_joints(track: &MotionTrack) -> Result<(), TestCaseError> {
         prop_assert_eq!(pair[0].start_ns + pair[0].duration_ns, meet);
         let (a, b) = (pair[0].at(meet), pair[1].at(meet));
         let scale = 1.0 + a.acceleration_world.norm() + a.angular_acceleration_body.norm();
-        let jump = (a.world_from_body.translation.vector - b.world_from_body.translation.vector)
-            .norm()
-            + a.world_from_body
-                .rotation
-                .angle_to(&b.world_from_body.rotation)
+        let jump = (a.world_from_body.translation.vector - b.world_from_body.translation.vector).norm()
+            + a.world_from_body.rotation.angle_to(&b.world_from_body.rotation)
             + (a.velocity_world - b.velocity_world).norm()
             + (a.angular_velocity_body - b.angular_velocity_body).norm()
             + (a.acceleration_world - b.acceleration_world).norm()
@@ -125,12 +115,10 @@ fn check_joints(track: &MotionTrack) -> Result<(), TestCaseError> {
 
 fn command() -> impl Strategy<Value = VelocityCommand> {
     let number = || prop_oneof![Just(0.0), Just(5.0), Just(-5.0), -1.0..1.0];
-    (number(), number(), number()).prop_map(|(forward_mps, left_mps, yaw_rate_radps)| {
-        VelocityCommand {
-            forward_mps,
-            left_mps,
-            yaw_rate_radps,
-        }
+    (number(), number(), number()).prop_map(|(forward_mps, left_mps, yaw_rate_radps)| VelocityCommand {
+        forward_mps,
+        left_mps,
+        yaw_rate_radps,
     })
 }
 

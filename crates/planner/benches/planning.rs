@@ -28,9 +28,8 @@ fn route(bencher: Bencher) {
 fn fifty_lengths(bencher: Bencher) {
     let picture = support::flat(1.0, 0);
     let graph = VisibilityGraph::build(&picture.view(), 0.406).unwrap();
-    let goals: Vec<Point2<f64>> = (0..50)
-        .map(|k| Point2::new(1.0 + f64::from(k % 10) * 1.6, 1.0 + f64::from(k / 10) * 1.9))
-        .collect();
+    let goals: Vec<Point2<f64>> =
+        (0..50).map(|k| Point2::new(1.0 + f64::from(k % 10) * 1.6, 1.0 + f64::from(k / 10) * 1.9)).collect();
     bencher.bench_local(|| graph.lengths_from(&Point2::new(2.5, 2.0), &goals));
 }
 
@@ -53,13 +52,7 @@ fn local_policy_cycle(bencher: Bencher) {
         cycle += 1;
         points[0].x += 1e-6;
         // To and fro, so that the policy is never stuck.
-        policy.command(
-            (0.25 * f64::from(cycle / 50 % 2), 0.02, 0.1),
-            (0.4, 0.0, 0.0),
-            &path,
-            None,
-            &points,
-        )
+        policy.command((0.25 * f64::from(cycle / 50 % 2), 0.02, 0.1), (0.4, 0.0, 0.0), &path, None, &points)
     });
 }
 
@@ -69,12 +62,6 @@ fn flight_across_a_flat(bencher: Bencher) {
     let start = FlightState::resting_at(Point3::new(1.5, 1.5, 1.3));
     let config = AirConfig::default();
     bencher.bench_local(|| {
-        plan_air(
-            &start,
-            &Point3::new(15.3, 8.4, 1.4),
-            &|p| voxels.distance(p),
-            &|a, b| voxels.obstacles(a, b),
-            &config,
-        )
+        plan_air(&start, &Point3::new(15.3, 8.4, 1.4), &|p| voxels.distance(p), &|a, b| voxels.obstacles(a, b), &config)
     });
 }

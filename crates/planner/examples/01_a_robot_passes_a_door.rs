@@ -17,23 +17,13 @@ fn main() {
         blocked[y * width + 60] = true;
         blocked[y * width + 61] = true;
     }
-    let grid = GridView {
-        origin: Point2::origin(),
-        resolution_m,
-        width,
-        height,
-        blocked: &blocked,
-    };
+    let grid = GridView { origin: Point2::origin(), resolution_m, width, height, blocked: &blocked };
 
     // 2. The route keeps the circumscribed radius (0.386 m) from every wall.
     let graph = VisibilityGraph::build(&grid, 0.386).expect("a good grid");
     let (start, goal) = (Point2::new(1.0, 0.8), Point2::new(5.0, 3.2));
     let mut route = graph.route(&start, &goal).expect("the door is wide enough");
-    println!(
-        "graph: {} vertices, {} edges",
-        graph.vertex_count(),
-        graph.edge_count()
-    );
+    println!("graph: {} vertices, {} edges", graph.vertex_count(), graph.edge_count());
     println!(
         "route: {:.2} m through {} points (straight: {:.2} m)",
         route.length_m,
@@ -67,23 +57,12 @@ fn main() {
     for cycle in 0..3000 {
         if cycle % 25 == 0 {
             // What was seen within 2 m goes into the map, and the route is made anew.
-            for p in scan
-                .iter()
-                .map(|p| Point2::new(f64::from(p.x), f64::from(p.y)))
-            {
+            for p in scan.iter().map(|p| Point2::new(f64::from(p.x), f64::from(p.y))) {
                 if (p - Point2::new(x, y)).norm() < 2.0 {
-                    blocked
-                        [(p.y / resolution_m) as usize * width + (p.x / resolution_m) as usize] =
-                        true;
+                    blocked[(p.y / resolution_m) as usize * width + (p.x / resolution_m) as usize] = true;
                 }
             }
-            let grid = GridView {
-                origin: Point2::origin(),
-                resolution_m,
-                width,
-                height,
-                blocked: &blocked,
-            };
+            let grid = GridView { origin: Point2::origin(), resolution_m, width, height, blocked: &blocked };
             let graph = VisibilityGraph::build(&grid, 0.386).expect("a good grid");
             route = graph.route(&Point2::new(x, y), &goal).unwrap_or(route);
         }
@@ -109,9 +88,6 @@ fn main() {
         velocity = (c.vx, c.vy, c.yaw_rate);
     }
     let arrived_s = arrived_s.expect("the robot arrives");
-    println!(
-        "arrived after {arrived_s:.1} s; never nearer than {:.0} mm to anything",
-        least * 1000.0
-    );
+    println!("arrived after {arrived_s:.1} s; never nearer than {:.0} mm to anything", least * 1000.0);
     assert!(least > 0.0);
 }

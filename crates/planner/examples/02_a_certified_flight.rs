@@ -24,20 +24,14 @@ fn main() {
         }
     }
     let distance = |p: &Point3<f64>| {
-        let pillar = voxels
-            .iter()
-            .map(|v| (v - p).norm())
-            .fold(f64::INFINITY, f64::min);
+        let pillar = voxels.iter().map(|v| (v - p).norm()).fold(f64::INFINITY, f64::min);
         // Floor and ceiling as planes of centres; outside the room nothing is known.
         let inside = p.x.abs() < 8.0 && p.y.abs() < 3.0 && p.z > 0.1 && p.z < 2.5;
         inside.then(|| pillar.min(p.z - 0.05).min(2.55 - p.z))
     };
     let obstacles = |low: &Point3<f64>, high: &Point3<f64>| {
-        let mut points: Vec<Point3<f64>> = voxels
-            .iter()
-            .filter(|v| (0..3).all(|k| v[k] >= low[k] && v[k] <= high[k]))
-            .copied()
-            .collect();
+        let mut points: Vec<Point3<f64>> =
+            voxels.iter().filter(|v| (0..3).all(|k| v[k] >= low[k] && v[k] <= high[k])).copied().collect();
         for z in [0.05, 2.55] {
             let (mut x, y_low) = (low.x, low.y);
             while x <= high.x {
@@ -53,25 +47,17 @@ fn main() {
     };
 
     // 2. Plan from one side of the pillar to the other, starting at half a metre per second.
-    let start = FlightState {
-        v: Vector3::new(0.5, 0.0, 0.0),
-        ..FlightState::resting_at(Point3::new(0.0, 0.0, 1.2))
-    };
+    let start = FlightState { v: Vector3::new(0.5, 0.0, 0.0), ..FlightState::resting_at(Point3::new(0.0, 0.0, 1.2)) };
     let goal = Point3::new(6.0, 0.2, 1.4);
     let config = AirConfig::default();
-    let plan = plan_air(&start, &goal, &distance, &obstacles, &config)
-        .expect("there is room on both sides");
+    let plan = plan_air(&start, &goal, &distance, &obstacles, &config).expect("there is room on both sides");
     println!(
         "route of {} points after {} expansions, corridor of {} polytopes",
         plan.route.len(),
         plan.expansions,
         plan.corridor.len()
     );
-    println!(
-        "{} pieces, {:.2} s",
-        plan.trajectory.pieces.len(),
-        plan.trajectory.duration()
-    );
+    println!("{} pieces, {:.2} s", plan.trajectory.pieces.len(), plan.trajectory.duration());
 
     // 3. The proof.
     let c = &plan.certificate;
@@ -83,9 +69,7 @@ fn main() {
     // 4. And the samples, which can only agree.
     let (mut fastest, mut nearest) = (0.0f64, f64::INFINITY);
     for k in 0..=1000 {
-        let s = plan
-            .trajectory
-            .sample(plan.trajectory.duration() * f64::from(k) / 1000.0);
+        let s = plan.trajectory.sample(plan.trajectory.duration() * f64::from(k) / 1000.0);
         fastest = fastest.max(s.v.norm());
         nearest = nearest.min(distance(&s.p).expect("in known space") - config.obstacle_radius_m);
     }

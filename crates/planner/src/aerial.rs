@@ -100,29 +100,20 @@ pub fn plan_air(
     let mut expansions = 0;
     for _ in 0..=RETRIES {
         // 1. A* between free lattice points near start and goal.
-        let (mut points_of_route, end) =
-            match lattice_route(start, goal, &grid, config, &mut expansions) {
-                Err(
-                    AirPlanError::NoRoute | AirPlanError::GoalBlocked | AirPlanError::StartBlocked,
-                ) if grid.relax() => lattice_route(start, goal, &grid, config, &mut expansions)?,
-                other => other?,
-            };
+        let (mut points_of_route, end) = match lattice_route(start, goal, &grid, config, &mut expansions) {
+            Err(AirPlanError::NoRoute | AirPlanError::GoalBlocked | AirPlanError::StartBlocked) if grid.relax() => {
+                lattice_route(start, goal, &grid, config, &mut expansions)?
+            }
+            other => other?,
+        };
         // 2. The exact points, and the route with its bends cut where that is not dearer.
         let (low, high) = bounds_of(&points_of_route, &grid, config);
         let beyond = Vector3::repeat(config.clearance_m() + config.obstacle_radius_m);
         let points = obstacles_in_box(&(low - beyond), &(high + beyond));
         let surroundings = Surroundings::new(&points, &start.p, &low, &high, &grid, config);
         let inner = 1..points_of_route.len() - 1;
-        points_of_route[inner]
-            .iter_mut()
-            .for_each(|p| *p = surroundings.centred(p));
-        let route = match shortcut(
-            &points_of_route,
-            &surroundings,
-            &grid,
-            goal_height(goal, config),
-            config,
-        ) {
+        points_of_route[inner].iter_mut().for_each(|p| *p = surroundings.centred(p));
+        let route = match shortcut(&points_of_route, &surroundings, &grid, goal_height(goal, config), config) {
             Ok(route) => route,
             Err(place) => {
                 grid.forbid(&place);
@@ -132,22 +123,12 @@ pub fn plan_air(
         // 3. One polytope per leg.
         let corridor: Vec<Polytope> = route
             .windows(2)
-            .map(|leg| {
-                polytope_around(
-                    &leg[0],
-                    &leg[1],
-                    config.corridor_reach_m,
-                    &low,
-                    &high,
-                    &surroundings,
-                )
-            })
+            .map(|leg| polytope_around(&leg[0], &leg[1], config.corridor_reach_m, &low, &high, &surroundings))
             .collect();
         let kept_m = kept_clearance(start, &points, config);
         // 4. and 5. MINCO, checked and slowed until the certificate holds.
         let head = [start.p.coords, start.v, start.a];
-        let refined =
-            refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
+        let refined = refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
         return Ok(AirPlan {
             trajectory: refined.trajectory,
             corridor,
@@ -163,33 +144,19 @@ pub fn plan_air(
 
 fn check(start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<(), AirPlanError> {
     config.validate()?;
-    let numbers = start
-        .p
-        .iter()
-        .chain(start.v.iter())
-        .chain(start.a.iter())
-        .chain(goal.iter());
+    let numbers = start.p.iter().chain(start.v.iter()).chain(start.a.iter()).chain(goal.iter());
     // 1e6 m: beyond that a lattice index would not be exact.
-    if numbers
-        .into_iter()
-        .any(|x| !(x.is_finite() && x.abs() < 1e6))
-    {
+    if numbers.into_iter().any(|x| !(x.is_finite() && x.abs() < 1e6)) {
         return Err(AirPlanError::NotFinite);
     }
     let (speed_mps, accel_mps2) = (start.v.norm(), start.a.norm());
     if speed_mps > config.max_speed_mps || accel_mps2 > config.max_accel_mps2 {
-        return Err(AirPlanError::StartTooFast {
-            speed_mps,
-            accel_mps2,
-        });
+        return Err(AirPlanError::StartTooFast { speed_mps, accel_mps2 });
     }
     Ok(())
 }
 
 /// What the corridor keeps from obstacle surfaces: less than asked for only where the start itself is nearer.
 fn kept_clearance(start: &FlightState, points: &[Point3<f64>], config: &AirConfig) -> f64 {
-    points
-        .iter()
-        .map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6)
-        .fold(config.clearance_m(), f64::min)
+    points.iter().map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6).fold(config.clearance_m(), f64::min)
 }

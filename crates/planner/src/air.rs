@@ -32,10 +32,6 @@ pub struct FlightState {
 impl FlightState {
     /// At rest at a point.
     pub fn resting_at(p: Point3<f64>) -> Self {
-        FlightState {
-            p,
-            v: Vector3::zeros(),
-            a: Vector3::zeros(),
-        }
+        FlightState { p, v: Vector3::zeros(), a: Vector3::zeros() }
     }
 }

@@ -15,15 +15,8 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
         let polytope = &plan.corridor[plan.polytope_of[k]];
         for j in 0..=40 {
             let s = piece.sample(piece.duration_s * f64::from(j) / 40.0);
-            assert!(
-                polytope.slack(&s.p.coords) >= -1e-8,
-                "piece {k} leaves by {}",
-                polytope.slack(&s.p.coords)
-            );
-            assert!(
-                s.v.norm() <= config.max_speed_mps + 1e-8
-                    && s.a.norm() <= config.max_accel_mps2 + 1e-8
-            );
+            assert!(polytope.slack(&s.p.coords) >= -1e-8, "piece {k} leaves by {}", polytope.slack(&s.p.coords));
+            assert!(s.v.norm() <= config.max_speed_mps + 1e-8 && s.a.norm() <= config.max_accel_mps2 + 1e-8);
             assert!(
                 s.v.norm() <= plan.certificate.max_speed_mps + 1e-8
                     && s.a.norm() <= plan.certificate.max_accel_mps2 + 1e-8
@@ -32,10 +25,7 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
             let reach = Vector3::repeat(near);
             for o in voxels.obstacles(&(s.p - reach), &(s.p + reach)) {
                 let kept = (o - s.p).norm() - config.obstacle_radius_m;
-                assert!(
-                    kept >= plan.certificate.clearance_m - 1e-6,
-                    "{kept} m at {t0} s"
-                );
+                assert!(kept >= plan.certificate.clearance_m - 1e-6, "{kept} m at {t0} s");
             }
             assert!(voxels.distance(&s.p).is_some(), "in unknown space");
         }
@@ -43,17 +33,13 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
     }
     let first = plan.trajectory.sample(0.0);
     assert!(
-        (first.p - start.p).norm() < 1e-9
-            && (first.v - start.v).norm() < 1e-9
-            && (first.a - start.a).norm() < 1e-9
+        (first.p - start.p).norm() < 1e-9 && (first.v - start.v).norm() < 1e-9 && (first.a - start.a).norm() < 1e-9
     );
     let end = plan.trajectory.sample(plan.trajectory.duration() - 1e-12);
     assert!(end.v.norm() < 1e-6 && end.a.norm() < 1e-6);
     for pair in plan.trajectory.pieces.windows(2) {
         let (a, b) = (pair[0].sample(pair[0].duration_s), pair[1].sample(0.0));
-        assert!(
-            (a.p - b.p).norm() < 1e-7 && (a.v - b.v).norm() < 1e-7 && (a.a - b.a).norm() < 1e-6
-        );
+        assert!((a.p - b.p).norm() < 1e-7 && (a.v - b.v).norm() < 1e-7 && (a.a - b.a).norm() < 1e-6);
     }
     for pair in plan.corridor.windows(2).zip(&plan.route[1..]) {
         assert!(
@@ -63,19 +49,8 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
     }
 }
 
-fn plan(
-    voxels: &Voxels,
-    start: &FlightState,
-    goal: &Point3<f64>,
-    config: &AirConfig,
-) -> Result<AirPlan, AirPlanError> {
-    plan_air(
-        start,
-        goal,
-        &|p| voxels.distance(p),
-        &|a, b| voxels.obstacles(a, b),
-        config,
-    )
+fn plan(voxels: &Voxels, start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<AirPlan, AirPlanError> {
+    plan_air(start, goal, &|p| voxels.distance(p), &|a, b| voxels.obstacles(a, b), config)
 }
 
 #[test]
@@ -111,11 +86,7 @@ fn flats_are_crossed_with_a_certificate() {
 /// Two rooms and a wall with a door, at every offset of the door against the voxels: 1.0 m leaves 8 or 9 free voxels.
 #[test]
 fn a_door_of_a_metre_is_passed_at_any_offset() {
-    let config = AirConfig {
-        radius_m: 0.36,
-        margin_m: 0.02,
-        ..AirConfig::default()
-    };
+    let config = AirConfig { radius_m: 0.36, margin_m: 0.02, ..AirConfig::default() };
     for free in [8.0, 9.0, 10.0] {
         for offset in 0..3 {
             let y = 1.5 + 0.1 * f64::from(offset);
@@ -135,9 +106,7 @@ fn a_door_of_a_metre_is_passed_at_any_offset() {
             voxels.measure();
             let start = FlightState::resting_at(Point3::new(1.0, 2.7, 1.2));
             let plan = plan(&voxels, &start, &Point3::new(4.2, 1.0, 1.2), &config);
-            let Ok(plan) = plan else {
-                panic!("{free} voxels at {y}: {:?}", plan.err())
-            };
+            let Ok(plan) = plan else { panic!("{free} voxels at {y}: {:?}", plan.err()) };
             check_plan(&voxels, &plan, &config, &start);
             println!(
                 "{free} voxels at {y:.1}: {:.1} s, {} pieces",
@@ -250,43 +219,16 @@ fn refusals_are_typed() {
     let config = AirConfig::default();
     let start = FlightState::resting_at(Point3::new(1.5, 1.5, 1.3));
     let goal = Point3::new(2.5, 2.0, 1.3);
-    assert_eq!(
-        plan(&voxels, &start, &Point3::new(f64::NAN, 0.0, 0.0), &config).err(),
-        Some(AirPlanError::NotFinite)
-    );
-    assert_eq!(
-        plan(&voxels, &start, &Point3::new(8e5, 0.0, 0.0), &config).err(),
-        Some(AirPlanError::TooFar)
-    );
-    let fast = FlightState {
-        v: Vector3::new(9.0, 0.0, 0.0),
-        ..start
-    };
-    assert!(matches!(
-        plan(&voxels, &fast, &goal, &config),
-        Err(AirPlanError::StartTooFast { .. })
-    ));
+    assert_eq!(plan(&voxels, &start, &Point3::new(f64::NAN, 0.0, 0.0), &config).err(), Some(AirPlanError::NotFinite));
+    assert_eq!(plan(&voxels, &start, &Point3::new(8e5, 0.0, 0.0), &config).err(), Some(AirPlanError::TooFar));
+    let fast = FlightState { v: Vector3::new(9.0, 0.0, 0.0), ..start };
+    assert!(matches!(plan(&voxels, &fast, &goal, &config), Err(AirPlanError::StartTooFast { .. })));
     let outside = FlightState::resting_at(Point3::new(1.5, 1.5, 5.0));
-    assert_eq!(
-        plan(&voxels, &outside, &goal, &config).err(),
-        Some(AirPlanError::StartBlocked)
-    );
-    assert_eq!(
-        plan(&voxels, &start, &Point3::new(1.5, 1.5, 9.0), &config).err(),
-        Some(AirPlanError::GoalBlocked)
-    );
-    let bad = AirConfig {
-        radius_m: 0.0,
-        ..config.clone()
-    };
-    assert!(matches!(
-        plan(&voxels, &start, &goal, &bad),
-        Err(AirPlanError::Config(_))
-    ));
-    let little = AirConfig {
-        max_expansions: 3,
-        ..config.clone()
-    };
+    assert_eq!(plan(&voxels, &outside, &goal, &config).err(), Some(AirPlanError::StartBlocked));
+    assert_eq!(plan(&voxels, &start, &Point3::new(1.5, 1.5, 9.0), &config).err(), Some(AirPlanError::GoalBlocked));
+    let bad = AirConfig { radius_m: 0.0, ..config.clone() };
+    assert!(matches!(plan(&voxels, &start, &goal, &bad), Err(AirPlanError::Config(_))));
+    let little = AirConfig { max_expansions: 3, ..config.clone() };
     assert!(matches!(
         plan(&voxels, &start, &Point3::new(15.3, 8.4, 1.4), &little),
         Err(AirPlanError::SearchLimit { .. })
@@ -301,71 +243,39 @@ fn refusals_are_typed() {
 
 #[test]
 fn minco_equals_the_stored_vectors() {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../../shared/data/aerial/minco_vectors.json"
-    );
-    let path = [
-        path.to_string(),
-        path.replacen("/../../../../", "/../../../", 1),
-    ]
-    .into_iter()
-    .find(|p| std::path::Path::new(p).exists());
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/aerial/minco_vectors.json");
+    let path = [path.to_string(), path.replacen("/../../../../", "/../../../", 1)]
+        .into_iter()
+        .find(|p| std::path::Path::new(p).exists());
     let Some(path) = path else {
         eprintln!("skipped: no shared/data");
         return;
     };
-    let cases: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let cases: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let rows = |v: &serde_json::Value| -> Vec<Vector3<f64>> {
         v.as_array()
             .unwrap()
             .iter()
-            .map(|r| {
-                Vector3::new(
-                    r[0].as_f64().unwrap(),
-                    r[1].as_f64().unwrap(),
-                    r[2].as_f64().unwrap(),
-                )
-            })
+            .map(|r| Vector3::new(r[0].as_f64().unwrap(), r[1].as_f64().unwrap(), r[2].as_f64().unwrap()))
             .collect()
     };
-    let numbers = |v: &serde_json::Value| -> Vec<f64> {
-        v.as_array()
-            .unwrap()
-            .iter()
-            .map(|x| x.as_f64().unwrap())
-            .collect()
-    };
+    let numbers =
+        |v: &serde_json::Value| -> Vec<f64> { v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
     fn check<const S: usize>(
         head: &[Vector3<f64>],
         tail: &[Vector3<f64>],
         inner: &[Vector3<f64>],
         times: &[f64],
     ) -> (f64, Vec<Vector3<f64>>, MincoGradient) {
-        let spline = Minco::<S>::solve(
-            head.try_into().unwrap(),
-            tail.try_into().unwrap(),
-            inner,
-            times,
-        )
-        .unwrap();
-        (
-            spline.energy(),
-            spline.coefficients().to_vec(),
-            spline.energy_gradient(),
-        )
+        let spline = Minco::<S>::solve(head.try_into().unwrap(), tail.try_into().unwrap(), inner, times).unwrap();
+        (spline.energy(), spline.coefficients().to_vec(), spline.energy_gradient())
     }
     const RELATIVE_TOL: f64 = 1e-9;
     let mut worst = 0.0f64;
     let mut seen = 0;
     for case in cases.as_array().unwrap() {
-        let (head, tail, inner, times) = (
-            rows(&case["head"]),
-            rows(&case["tail"]),
-            rows(&case["inner_points"]),
-            numbers(&case["durations"]),
-        );
+        let (head, tail, inner, times) =
+            (rows(&case["head"]), rows(&case["tail"]), rows(&case["inner_points"]), numbers(&case["durations"]));
         let (energy, coefficients, gradient) = match case["s"].as_u64().unwrap() {
             2 => check::<2>(&head, &tail, &inner, &times),
             3 => check::<3>(&head, &tail, &inner, &times),
@@ -373,20 +283,13 @@ fn minco_equals_the_stored_vectors() {
         };
         let compare = |a: &[f64], b: &[f64]| {
             let size = b.iter().fold(1e-300f64, |m, x| m.max(x.abs()));
-            a.iter()
-                .zip(b)
-                .map(|(x, y)| (x - y).abs() / size)
-                .fold(0.0, f64::max)
+            a.iter().zip(b).map(|(x, y)| (x - y).abs() / size).fold(0.0, f64::max)
         };
-        let flat =
-            |v: &[Vector3<f64>]| v.iter().flat_map(|x| [x.x, x.y, x.z]).collect::<Vec<f64>>();
+        let flat = |v: &[Vector3<f64>]| v.iter().flat_map(|x| [x.x, x.y, x.z]).collect::<Vec<f64>>();
         worst = worst
             .max(compare(&[energy], &[case["energy"].as_f64().unwrap()]))
             .max(compare(&flat(&coefficients), &flat(&rows(&case["coeffs"]))))
-            .max(compare(
-                &flat(&gradient.inner_points),
-                &flat(&rows(&case["dE_dq"])),
-            ))
+            .max(compare(&flat(&gradient.inner_points), &flat(&rows(&case["dE_dq"]))))
             .max(compare(&gradient.durations, &numbers(&case["dE_dT"])));
         seen += 1;
     }
@@ -406,13 +309,7 @@ const RATIO: f64 = 0.016;
 const DIRECTIONS: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 
 fn rotor_positions() -> [Vector3<f64>; 4] {
-    [
-        [0.174, -0.174],
-        [-0.174, 0.174],
-        [0.174, 0.174],
-        [-0.174, -0.174],
-    ]
-    .map(|p| Vector3::new(p[0], p[1], 0.06))
+    [[0.174, -0.174], [-0.174, 0.174], [0.174, 0.174], [-0.174, -0.174]].map(|p| Vector3::new(p[0], p[1], 0.06))
 }
 
 fn inertia() -> Matrix3<f64> {
@@ -423,29 +320,22 @@ impl Quadrotor {
     fn step(&mut self, wanted: &[f64], dt: f64) {
         let (mut force, mut torque) = (0.0, Vector3::zeros());
         for k in 0..4 {
-            let lag = if wanted[k] > self.speeds[k] {
-                0.0125
-            } else {
-                0.025
-            };
+            let lag = if wanted[k] > self.speeds[k] { 0.0125 } else { 0.025 };
             self.speeds[k] += (wanted[k] - self.speeds[k]) * (dt / lag).min(1.0);
             let f = K * self.speeds[k] * self.speeds[k];
             force += f;
-            torque += rotor_positions()[k].cross(&(Vector3::z() * f))
-                + Vector3::z() * (-DIRECTIONS[k] * RATIO * f);
+            torque += rotor_positions()[k].cross(&(Vector3::z() * f)) + Vector3::z() * (-DIRECTIONS[k] * RATIO * f);
         }
         let s = &mut self.state;
         let w = s.angular_velocity_in_body_radps;
         let drag = s.world_from_body
-            * Vector3::new(0.3, 0.3, 0.2)
-                .component_mul(&s.world_from_body.inverse_transform_vector(&s.v));
+            * Vector3::new(0.3, 0.3, 0.2).component_mul(&s.world_from_body.inverse_transform_vector(&s.v));
         let a = (s.world_from_body * Vector3::z() * force - drag) / MASS - Vector3::z() * 9.81;
         let alpha = inertia().try_inverse().unwrap() * (torque - w.cross(&(inertia() * w)));
         s.p += s.v * dt + a * (0.5 * dt * dt);
         s.v += a * dt;
         s.angular_velocity_in_body_radps += alpha * dt;
-        s.world_from_body *=
-            UnitQuaternion::from_scaled_axis(s.angular_velocity_in_body_radps * dt);
+        s.world_from_body *= UnitQuaternion::from_scaled_axis(s.angular_velocity_in_body_radps * dt);
     }
 }
 
@@ -453,14 +343,7 @@ impl Quadrotor {
 fn fly(reference: impl Fn(f64) -> (TrajectoryPoint, f64), seconds: f64, drag: f64) -> (f64, f64) {
     let mut controller = GeometricController::new(MASS, inertia());
     controller.drag_n_s_per_m = Vector3::new(drag, drag, drag);
-    let mixer = RotorMixer::new(
-        &rotor_positions(),
-        &DIRECTIONS,
-        &[K; 4],
-        &[RATIO; 4],
-        &[1000.0; 4],
-    )
-    .unwrap();
+    let mixer = RotorMixer::new(&rotor_positions(), &DIRECTIONS, &[K; 4], &[RATIO; 4], &[1000.0; 4]).unwrap();
     let first = reference(0.0);
     let mut quad = Quadrotor {
         state: BodyState {
@@ -503,10 +386,7 @@ fn circle_of_two_metres_is_tracked() {
             a: Vector3::new(-c, -s, 0.0) * (2.0 * rate * rate),
             jerk: Vector3::new(s, -c, 0.0) * (2.0 * rate * rate * rate),
         };
-        (
-            point,
-            (rate * t + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::TAU),
-        )
+        (point, (rate * t + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::TAU))
     };
     let (known, known_most) = fly(circle, 15.0, 0.3);
     let (unknown, unknown_most) = fly(circle, 15.0, 0.0);
@@ -520,15 +400,9 @@ fn circle_of_two_metres_is_tracked() {
 fn a_planned_flight_is_tracked() {
     let voxels = flat_3d(1.1, 2);
     let config = AirConfig::default();
-    let plan = plan(
-        &voxels,
-        &FlightState::resting_at(Point3::new(1.5, 1.5, 1.3)),
-        &Point3::new(6.5, 2.0, 1.3),
-        &config,
-    );
-    let Ok(plan) = plan else {
-        panic!("{:?}", plan.err())
-    };
+    let plan =
+        plan(&voxels, &FlightState::resting_at(Point3::new(1.5, 1.5, 1.3)), &Point3::new(6.5, 2.0, 1.3), &config);
+    let Ok(plan) = plan else { panic!("{:?}", plan.err()) };
     let duration = plan.trajectory.duration();
     let (rmse, most) = fly(|t| (plan.trajectory.sample(t), 0.3), duration.max(4.0), 0.3);
     println!("flight of {duration:.1} s: RMSE {rmse:.4} m, max {most:.4} m");

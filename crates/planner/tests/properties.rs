@@ -23,14 +23,13 @@ mod routes {
 
     /// Scattered rectangles in a 5 m square.
     fn clutter() -> impl Strategy<Value = Picture> {
-        proptest::collection::vec((0.0..4.8f64, 0.0..4.8f64, 0.02..1.2f64, 0.02..1.2f64), 0..9)
-            .prop_map(|boxes| {
-                let mut picture = Picture::free(5.0, 5.0, 0.05);
-                for (x, y, w, h) in boxes {
-                    picture.block(x, y, x + w, y + h);
-                }
-                picture
-            })
+        proptest::collection::vec((0.0..4.8f64, 0.0..4.8f64, 0.02..1.2f64, 0.02..1.2f64), 0..9).prop_map(|boxes| {
+            let mut picture = Picture::free(5.0, 5.0, 0.05);
+            for (x, y, w, h) in boxes {
+                picture.block(x, y, x + w, y + h);
+            }
+            picture
+        })
     }
 
     fn place() -> impl Strategy<Value = Point2<f64>> {
@@ -94,18 +93,15 @@ mod routes {
                 let y = 1.5 + 0.05 * f64::from(shift);
                 picture.fill(1.95, y, 2.2, y + 0.05 * f64::from(free_cells), false);
                 let graph = VisibilityGraph::build(&picture.view(), RADIUS_M).unwrap();
-                let route = graph
-                    .route(&Point2::new(1.0, 1.0), &Point2::new(3.2, 3.0))
-                    .expect("the door is wide enough");
+                let route =
+                    graph.route(&Point2::new(1.0, 1.0), &Point2::new(3.2, 3.0)).expect("the door is wide enough");
                 check_clearance(&picture, &route.points, RADIUS_M);
             }
         }
         // Without furniture the way must exist.
         let picture = flat(1.0, 0);
         let graph = VisibilityGraph::build(&picture.view(), RADIUS_M + 0.02).unwrap();
-        let route = graph
-            .route(&Point2::new(2.5, 2.0), &Point2::new(14.5, 8.0))
-            .expect("doors are wide enough");
+        let route = graph.route(&Point2::new(2.5, 2.0), &Point2::new(14.5, 8.0)).expect("doors are wide enough");
         check_clearance(&picture, &route.points, RADIUS_M + 0.02);
     }
 }
@@ -131,18 +127,12 @@ mod local {
         let mut points = Vec::new();
         for y in 0..picture.height as i64 {
             for x in 0..picture.width as i64 {
-                let inner = blocked(x - 1, y)
-                    && blocked(x + 1, y)
-                    && blocked(x, y - 1)
-                    && blocked(x, y + 1);
+                let inner = blocked(x - 1, y) && blocked(x + 1, y) && blocked(x, y - 1) && blocked(x, y + 1);
                 if blocked(x, y) && !inner {
                     for k in 0..3 {
                         let t = f64::from(k) * 0.5;
                         for (dx, dy) in [(t, 0.0), (t, 1.0), (0.0, t), (1.0, t)] {
-                            points.push(Point2::new(
-                                ((x as f64 + dx) * r) as f32,
-                                ((y as f64 + dy) * r) as f32,
-                            ));
+                            points.push(Point2::new(((x as f64 + dx) * r) as f32, ((y as f64 + dy) * r) as f32));
                         }
                     }
                 }
@@ -170,9 +160,7 @@ mod local {
             .iter()
             .map(|p| (f64::from(p.x) - pose.0, f64::from(p.y) - pose.1))
             .filter(|(dx, dy)| dx.abs() < 1.0 && dy.abs() < 1.0)
-            .map(|(dx, dy)| {
-                footprint.distance(&Point2::new(cos * dx + sin * dy, cos * dy - sin * dx))
-            })
+            .map(|(dx, dy)| footprint.distance(&Point2::new(cos * dx + sin * dy, cos * dy - sin * dx)))
             .fold(1.0, f64::min)
     }
 
@@ -220,9 +208,7 @@ mod local {
         config: LocalPolicyConfig,
     ) -> (f64, f64, LocalStatus) {
         let graph = VisibilityGraph::build(&picture.view(), 0.406).unwrap();
-        let route = graph
-            .route(&Point2::new(start.0, start.1), &goal)
-            .expect("a route");
+        let route = graph.route(&Point2::new(start.0, start.1), &goal).expect("a route");
         let points = points_of(picture);
         let footprint = Footprint::new(&config.footprint).unwrap();
         let mut policy = LocalPolicy::new(config).unwrap();
@@ -261,29 +247,16 @@ mod local {
             let graph = VisibilityGraph::build(&picture.view(), 0.406).unwrap();
             let start = Point2::new(2.5, 2.0);
             let wish = Point2::new(1.0 + 15.0 * random.unit(), 1.0 + 8.0 * random.unit());
-            let (goal, _) = graph
-                .nearest_reachable(&start, &wish)
-                .expect("the start is free");
+            let (goal, _) = graph.nearest_reachable(&start, &wish).expect("the start is free");
             let route = graph.route(&start, &goal).expect("reachable");
             if route.length_m < 2.0 {
                 continue;
             }
             let (start, goal) = (route.points[0], route.points[route.points.len() - 1]);
-            let (seconds, least, status) = drive(
-                &picture,
-                (start.x, start.y, 3.0),
-                goal,
-                LocalPolicyConfig::default(),
-            );
-            println!(
-                "seed {seed}: {:.1} m in {seconds:.1} s, least distance {least:.3} m, {status:?}",
-                route.length_m
-            );
+            let (seconds, least, status) = drive(&picture, (start.x, start.y, 3.0), goal, LocalPolicyConfig::default());
+            println!("seed {seed}: {:.1} m in {seconds:.1} s, least distance {least:.3} m, {status:?}", route.length_m);
             assert_eq!(status, LocalStatus::Arrived, "seed {seed}");
-            assert!(
-                least > 0.03 && seconds < 10.0 + route.length_m / 0.25,
-                "seed {seed}: {seconds} s, {least} m"
-            );
+            assert!(least > 0.03 && seconds < 10.0 + route.length_m / 0.25, "seed {seed}: {seconds} s, {least} m");
             driven += 1;
         }
         assert!(driven >= 3, "{driven} flats had a route");
@@ -298,23 +271,14 @@ mod local {
         let (mut pose, mut velocity) = ((2.0, 3.0, 0.0), (0.0, 0.0, 0.0));
         let mut seen = Vec::new();
         for _ in 0..1500 {
-            let c = policy.command(
-                pose,
-                velocity,
-                &[Point2::new(2.0, 3.0), Point2::new(5.5, 3.0)],
-                None,
-                &points,
-            );
+            let c = policy.command(pose, velocity, &[Point2::new(2.0, 3.0), Point2::new(5.5, 3.0)], None, &points);
             pose = step(pose, &c, 0.02);
             velocity = (c.vx, c.vy, c.yaw_rate);
             if seen.last() != Some(&c.status) {
                 seen.push(c.status);
             }
         }
-        assert!(
-            seen.contains(&LocalStatus::Blocked) && seen.contains(&LocalStatus::Recovering),
-            "{seen:?}"
-        );
+        assert!(seen.contains(&LocalStatus::Blocked) && seen.contains(&LocalStatus::Recovering), "{seen:?}");
         assert!(pose.0 < 3.65);
     }
 
@@ -323,29 +287,11 @@ mod local {
         let mut policy = LocalPolicy::new(LocalPolicyConfig::default()).unwrap();
         let path = [Point2::new(3.0, 0.0)];
         for _ in 0..50 {
-            policy.command(
-                (0.0, 0.0, 0.0),
-                (0.3, 0.0, 0.0),
-                &path,
-                None,
-                &[Point2::new(f32::NAN, 0.0)],
-            );
+            policy.command((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[Point2::new(f32::NAN, 0.0)]);
         }
         let c = policy.command((f64::NAN, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[]);
         assert_eq!(c.status, LocalStatus::Blocked);
-        assert!(
-            LocalPolicy::new(LocalPolicyConfig {
-                max_accel_mps2: 0.0,
-                ..LocalPolicyConfig::default()
-            })
-            .is_err()
-        );
-        assert!(
-            LocalPolicy::new(LocalPolicyConfig {
-                footprint: vec![],
-                ..LocalPolicyConfig::default()
-            })
-            .is_err()
-        );
+        assert!(LocalPolicy::new(LocalPolicyConfig { max_accel_mps2: 0.0, ..LocalPolicyConfig::default() }).is_err());
+        assert!(LocalPolicy::new(LocalPolicyConfig { footprint: vec![], ..LocalPolicyConfig::default() }).is_err());
     }
 }

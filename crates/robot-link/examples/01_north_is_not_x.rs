@@ -12,11 +12,8 @@ use robot_link::unitree::{Call, Request};
 fn main() -> Result<(), OffboardError> {
     // 1. Three metres east, two up, nose north.
     let wanted = Vector3::new(3.0, 0.0, 2.0);
-    let set_point = SetPoint {
-        position_in_world: Some(wanted),
-        yaw_rad: Some(std::f64::consts::FRAC_PI_2),
-        ..SetPoint::default()
-    };
+    let set_point =
+        SetPoint { position_in_world: Some(wanted), yaw_rad: Some(std::f64::consts::FRAC_PI_2), ..SetPoint::default() };
     let target = position_target(1000, (1, 1), &set_point)?;
     println!(
         "1. ENU {:?} becomes north {} east {} down {}, yaw {:.2}",
@@ -44,30 +41,18 @@ fn main() -> Result<(), OffboardError> {
     let stream: Vec<u8> = [&[0xFD, 1, 2][..], &damaged, &frame].concat();
     let mut reader = FrameReader::new();
     let received = reader.read(&stream);
-    println!(
-        "4. {} message found, {:?}",
-        received.len(),
-        reader.statistics
-    );
+    println!("4. {} message found, {:?}", received.len(), reader.statistics);
 
     // 5. The walking robot hears the same project in JSON inside CDR.
-    let request = Call::Move {
-        forward_mps: 0.5,
-        left_mps: 0.0,
-        yaw_rate_radps: 0.0,
-    }
-    .request(1)
-    .expect("finite speeds");
+    let request =
+        Call::Move { forward_mps: 0.5, left_mps: 0.0, yaw_rate_radps: 0.0 }.request(1).expect("finite speeds");
     let payload = request.to_cdr();
     println!("5. Move is {} bytes: {}", payload.len(), request.parameter);
 
     assert_eq!(target.position, [0.0, 3.0, -2.0]);
     assert!(misread.z < 0.0);
     assert_eq!(received.len(), 1);
-    assert_eq!(
-        received[0].message,
-        Message::SetPositionTargetLocalNed(target)
-    );
+    assert_eq!(received[0].message, Message::SetPositionTargetLocalNed(target));
     assert_eq!(Request::from_cdr(&payload), Ok(request));
     Ok(())
 }

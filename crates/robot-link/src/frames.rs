@@ -94,14 +94,8 @@ mod tests {
         assert!(ned_frd_attitude(&enu_from_flu).angle() < 1e-12);
         assert!(ned_yaw(FRAC_PI_2).abs() < 1e-12);
         // East of north, 3 up: north 2, east 1, down -3.
-        assert_eq!(
-            ned_from_enu(&Vector3::new(1.0, 2.0, 3.0)),
-            Vector3::new(2.0, 1.0, -3.0)
-        );
-        assert_eq!(
-            frd_from_flu(&Vector3::new(1.0, 2.0, 3.0)),
-            Vector3::new(1.0, -2.0, -3.0)
-        );
+        assert_eq!(ned_from_enu(&Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, 1.0, -3.0));
+        assert_eq!(frd_from_flu(&Vector3::new(1.0, 2.0, 3.0)), Vector3::new(1.0, -2.0, -3.0));
     }
 
     #[test]

@@ -7,48 +7,27 @@ use robot_link::mavlink::{
 use robot_link::unitree::{Call, ImuState, Request, Response, SportModeState};
 
 fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex"))
-        .collect()
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex")).collect()
 }
 
 /// Our frame equals theirs, and theirs reads as our message.
 fn check_frame(sequence: u8, message: Message, hex: &str) {
-    let mut writer = FrameWriter {
-        system_id: 245,
-        component_id: 191,
-        sequence,
-    };
+    let mut writer = FrameWriter { system_id: 245, component_id: 191, sequence };
     assert_eq!(writer.write(&message), bytes(hex), "{message:?}");
     let mut reader = FrameReader::new();
     let received = reader.read(&bytes(hex));
     assert_eq!(received.len(), 1);
     // Compared as text: a covariance may begin with NaN.
-    let expected = Received {
-        system_id: 245,
-        component_id: 191,
-        sequence,
-        message,
-    };
+    let expected = Received { system_id: 245, component_id: 191, sequence, message };
     assert_eq!(format!("{:?}", received[0]), format!("{expected:?}"));
 }
 
 #[test]
 fn heartbeats() {
-    let ours = Heartbeat {
-        vehicle_type: 18,
-        autopilot: 8,
-        system_status: 4,
-        mavlink_version: 3,
-        ..Heartbeat::default()
-    };
+    let ours =
+        Heartbeat { vehicle_type: 18, autopilot: 8, system_status: 4, mavlink_version: 3, ..Heartbeat::default() };
     assert_eq!(ours, robot_link::mavlink::offboard::heartbeat());
-    check_frame(
-        7,
-        Message::Heartbeat(ours),
-        "fd09000007f5bf000000000000001208000403ae17",
-    );
+    check_frame(7, Message::Heartbeat(ours), "fd09000007f5bf000000000000001208000403ae17");
     let armed = Heartbeat {
         custom_mode: 6 << 16,
         vehicle_type: 2,
@@ -57,11 +36,7 @@ fn heartbeats() {
         system_status: 4,
         mavlink_version: 3,
     };
-    check_frame(
-        255,
-        Message::Heartbeat(armed),
-        "fd090000fff5bf00000000000600020c9d0403a508",
-    );
+    check_frame(255, Message::Heartbeat(armed), "fd090000fff5bf00000000000600020c9d0403a508");
 }
 
 #[test]
@@ -120,16 +95,8 @@ fn commands_and_answers() {
         Message::CommandLong(arm((1, 1), true, 0)),
         "fd20000004f5bf4c00000000803f00000000000000000000000000000000000000000000000090010101fcf4",
     );
-    let answer = CommandAck {
-        command: 400,
-        result: 4,
-        ..CommandAck::default()
-    };
-    check_frame(
-        5,
-        Message::CommandAck(answer),
-        "fd03000005f5bf4d0000900104442b",
-    );
+    let answer = CommandAck { command: 400, result: 4, ..CommandAck::default() };
+    check_frame(5, Message::CommandAck(answer), "fd03000005f5bf4d0000900104442b");
     let extended = CommandAck {
         command: 176,
         result: 5,
@@ -138,29 +105,14 @@ fn commands_and_answers() {
         target_system: 245,
         target_component: 191,
     };
-    check_frame(
-        6,
-        Message::CommandAck(extended),
-        "fd0a000006f5bf4d0000b000052af9fffffff5bf9d27",
-    );
+    check_frame(6, Message::CommandAck(extended), "fd0a000006f5bf4d0000b000052af9fffffff5bf9d27");
 }
 
 #[test]
 fn clocks() {
-    let request = Timesync {
-        tc1: 0,
-        ts1: 1_234_567_890_123_456_789,
-    };
-    check_frame(
-        8,
-        Message::Timesync(request),
-        "fd10000008f5bf6f000000000000000000001581e97df41022117681",
-    );
-    check_frame(
-        9,
-        Message::Timesync(Timesync { tc1: -5, ts1: 77 }),
-        "fd09000009f5bf6f0000fbffffffffffffff4d757c",
-    );
+    let request = Timesync { tc1: 0, ts1: 1_234_567_890_123_456_789 };
+    check_frame(8, Message::Timesync(request), "fd10000008f5bf6f000000000000000000001581e97df41022117681");
+    check_frame(9, Message::Timesync(Timesync { tc1: -5, ts1: 77 }), "fd09000009f5bf6f0000fbffffffffffffff4d757c");
 }
 
 #[test]
@@ -195,11 +147,7 @@ fn odometry() {
 
 #[test]
 fn unitree_requests() {
-    let call = Call::Move {
-        forward_mps: 0.5,
-        left_mps: 0.0,
-        yaw_rate_radps: 0.0,
-    };
+    let call = Call::Move { forward_mps: 0.5, left_mps: 0.0, yaw_rate_radps: 0.0 };
     let request = call.request(1).expect("finite");
     let golden = bytes(
         "000100000100000000000000f00300000000000000000000000000000000000001000000160000007b2278223a302e352c2279223a302c227a223a307d00000000000000",
@@ -207,32 +155,18 @@ fn unitree_requests() {
     assert_eq!(golden.len(), 68);
     assert_eq!(request.to_cdr(), golden);
     assert_eq!(Request::from_cdr(&golden), Ok(request));
-    let other = Request {
-        id: -2,
-        api_id: 1004,
-        lease_id: 9,
-        priority: -1,
-        binary: vec![1, 2, 3],
-        ..Request::default()
-    };
-    let golden = bytes(
-        "00010000feffffffffffffffec030000000000000900000000000000ffffffff00000000010000000000000003000000010203",
-    );
+    let other =
+        Request { id: -2, api_id: 1004, lease_id: 9, priority: -1, binary: vec![1, 2, 3], ..Request::default() };
+    let golden =
+        bytes("00010000feffffffffffffffec030000000000000900000000000000ffffffff00000000010000000000000003000000010203");
     assert_eq!(other.to_cdr(), golden);
     assert_eq!(Request::from_cdr(&golden), Ok(other));
 }
 
 #[test]
 fn unitree_responses() {
-    let response = Response {
-        id: 77,
-        api_id: 1008,
-        code: -3204,
-        data: "ok!".into(),
-        binary: vec![255],
-    };
-    let golden =
-        bytes("000100004d00000000000000f0030000000000007cf3ffff040000006f6b210001000000ff");
+    let response = Response { id: 77, api_id: 1008, code: -3204, data: "ok!".into(), binary: vec![255] };
+    let golden = bytes("000100004d00000000000000f0030000000000007cf3ffff040000006f6b210001000000ff");
     assert_eq!(response.to_cdr(), golden);
     assert_eq!(Response::from_cdr(&golden), Ok(response));
 }

@@ -9,15 +9,7 @@ fn vector() -> impl Strategy<Value = Vector3<f64>> {
 
 fn attitude() -> impl Strategy<Value = UnitQuaternion<f64>> {
     use std::f64::consts::{FRAC_PI_2, PI};
-    let angle = || {
-        prop_oneof![
-            Just(0.0),
-            Just(FRAC_PI_2),
-            Just(PI),
-            Just(-PI),
-            -3.2..3.2f64
-        ]
-    };
+    let angle = || prop_oneof![Just(0.0), Just(FRAC_PI_2), Just(PI), Just(-PI), -3.2..3.2f64];
     [angle(), angle(), angle()].prop_map(|[r, p, y]| UnitQuaternion::from_euler_angles(r, p, y))
 }
 
@@ -93,50 +85,36 @@ mod mavlink {
         let byte = any::<u8>();
         let vector = || [float(), float(), float()];
         prop_oneof![
-            (any::<u32>(), any::<[u8; 5]>()).prop_map(|(custom_mode, b)| Message::Heartbeat(
-                Heartbeat {
-                    custom_mode,
-                    vehicle_type: b[0],
-                    autopilot: b[1],
-                    base_mode: b[2],
-                    system_status: b[3],
-                    mavlink_version: b[4]
-                }
-            )),
-            (
-                prop::array::uniform7(float()),
-                any::<u16>(),
-                any::<[u8; 3]>()
-            )
-                .prop_map(|(params, command, b)| Message::CommandLong(CommandLong {
+            (any::<u32>(), any::<[u8; 5]>()).prop_map(|(custom_mode, b)| Message::Heartbeat(Heartbeat {
+                custom_mode,
+                vehicle_type: b[0],
+                autopilot: b[1],
+                base_mode: b[2],
+                system_status: b[3],
+                mavlink_version: b[4]
+            })),
+            (prop::array::uniform7(float()), any::<u16>(), any::<[u8; 3]>()).prop_map(|(params, command, b)| {
+                Message::CommandLong(CommandLong {
                     params,
                     command,
                     target_system: b[0],
                     target_component: b[1],
-                    confirmation: b[2]
-                })),
-            (any::<u16>(), any::<i32>(), any::<[u8; 4]>()).prop_map(
-                |(command, result_param2, b)| Message::CommandAck(CommandAck {
+                    confirmation: b[2],
+                })
+            }),
+            (any::<u16>(), any::<i32>(), any::<[u8; 4]>()).prop_map(|(command, result_param2, b)| Message::CommandAck(
+                CommandAck {
                     command,
                     result_param2,
                     result: b[0],
                     progress: b[1],
                     target_system: b[2],
                     target_component: b[3]
-                })
-            ),
-            (
-                any::<u32>(),
-                vector(),
-                vector(),
-                vector(),
-                float(),
-                float(),
-                any::<u16>(),
-                any::<[u8; 3]>()
-            )
-                .prop_map(
-                    |(
+                }
+            )),
+            (any::<u32>(), vector(), vector(), vector(), float(), float(), any::<u16>(), any::<[u8; 3]>()).prop_map(
+                |(time_boot_ms, position, velocity, acceleration, yaw, yaw_rate, type_mask, b)| {
+                    Message::SetPositionTargetLocalNed(SetPositionTargetLocalNed {
                         time_boot_ms,
                         position,
                         velocity,
@@ -144,22 +122,12 @@ mod mavlink {
                         yaw,
                         yaw_rate,
                         type_mask,
-                        b,
-                    )| {
-                        Message::SetPositionTargetLocalNed(SetPositionTargetLocalNed {
-                            time_boot_ms,
-                            position,
-                            velocity,
-                            acceleration,
-                            yaw,
-                            yaw_rate,
-                            type_mask,
-                            target_system: b[0],
-                            target_component: b[1],
-                            coordinate_frame: b[2],
-                        })
-                    }
-                ),
+                        target_system: b[0],
+                        target_component: b[1],
+                        coordinate_frame: b[2],
+                    })
+                }
+            ),
             (any::<i64>(), prop_oneof![Just(0), any::<i64>()])
                 .prop_map(|(tc1, ts1)| Message::Timesync(Timesync { tc1, ts1 })),
             (

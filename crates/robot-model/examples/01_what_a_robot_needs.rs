@@ -41,46 +41,30 @@ fn main() -> Result<(), ModelError> {
         println!(
             "3. {} sweeps {swept_m:.3} m: {} the door",
             robot.name,
-            if swept_m < DOOR_WIDTH_M {
-                "fits through"
-            } else {
-                "must turn before"
-            }
+            if swept_m < DOOR_WIDTH_M { "fits through" } else { "must turn before" }
         );
     }
 
     // 4. The table: the mast counts.
     let height_m = walker.height_span_m.1 - walker.height_span_m.0;
-    println!(
-        "4. the walker is {height_m:.2} m high and the table top hangs at {TABLE_HEIGHT_M:.2} m: it goes round"
-    );
+    println!("4. the walker is {height_m:.2} m high and the table top hangs at {TABLE_HEIGHT_M:.2} m: it goes round");
 
     // 5. Another description is another robot: a bag on a stick makes it taller and heavier.
     let bag = "\n[[payload]]\nname = \"bag\"\nlink = \"trunk\"\nxyz_m = [-0.1, 0.0, 0.6]\nshape = { sphere = { radius_m = 0.1 } }\nmass_kg = 1.0\n";
     let loaded = RobotModel::parse(urdf, &format!("{toml}{bag}"), &|_mesh| None)?;
-    println!(
-        "5. with a bag: {:.2} kg, {:.2} m high",
-        loaded.mass_kg,
-        loaded.height_span_m.1 - loaded.height_span_m.0
-    );
+    println!("5. with a bag: {:.2} kg, {:.2} m high", loaded.mass_kg, loaded.height_span_m.1 - loaded.height_span_m.0);
 
     // 6. Legs: lower the trunk by 5 cm with the feet where they are.
     let leg = &walker.legs[0];
     let foot = walker.frames[&leg.foot].translation.vector;
-    let crouched = leg
-        .inverse(&nalgebra::Point3::from(
-            foot + nalgebra::Vector3::new(0.0, 0.0, 0.05),
-        ))
-        .expect("within reach");
+    let crouched =
+        leg.inverse(&nalgebra::Point3::from(foot + nalgebra::Vector3::new(0.0, 0.0, 0.05))).expect("within reach");
     println!(
         "6. {} leg crouches with hip {:.2}, thigh {:.2}, calf {:.2} rad",
         leg.name, crouched[0], crouched[1], crouched[2]
     );
 
     assert!(height_m > TABLE_HEIGHT_M && loaded.mass_kg > walker.mass_kg + 0.99);
-    assert!(
-        crouched[2] < walker.stance[leg.slots[2]],
-        "the knee bends more"
-    );
+    assert!(crouched[2] < walker.stance[leg.slots[2]], "the knee bends more");
     Ok(())
 }

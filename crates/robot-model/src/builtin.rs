@@ -24,10 +24,7 @@ const TOMLS: [(&str, &str); 11] = [
 
 /// The TOML that ships for the robot with this name in its URDF, if there is one. A TOML beside the user's URDF should win over it.
 pub fn builtin_toml(name: &str) -> Option<&'static str> {
-    TOMLS
-        .iter()
-        .find(|(known, _)| *known == name)
-        .map(|(_, toml)| *toml)
+    TOMLS.iter().find(|(known, _)| *known == name).map(|(_, toml)| *toml)
 }
 
 /// URDF and TOML of the quadruped that ships with the crate.

@@ -6,8 +6,8 @@
 
 use crate::error::ModelError;
 use crate::keys::{
-    Raw, RawLeg, RawLimits, RawPayload, RawRotor, RawRotorEntry, RawShape, Spin, check_values,
-    likely_kind, missing_keys,
+    Raw, RawLeg, RawLimits, RawPayload, RawRotor, RawRotorEntry, RawShape, Spin, check_values, likely_kind,
+    missing_keys,
 };
 use crate::shape::Geometry;
 use crate::tree::KinematicTree;
@@ -105,26 +105,14 @@ pub(crate) struct Description {
 }
 
 /// Reads and checks the TOML of the robot `robot`.
-pub(crate) fn read(
-    text: &str,
-    robot: &str,
-    tree: &KinematicTree,
-) -> Result<Description, ModelError> {
+pub(crate) fn read(text: &str, robot: &str, tree: &KinematicTree) -> Result<Description, ModelError> {
     let raw: Raw = toml::from_str(text).map_err(|error| {
-        let before = error
-            .span()
-            .map_or("", |span| text.get(..span.start).unwrap_or(""));
-        ModelError::Toml {
-            line: before.matches('\n').count() + 1,
-            detail: error.message().to_owned(),
-        }
+        let before = error.span().map_or("", |span| text.get(..span.start).unwrap_or(""));
+        ModelError::Toml { line: before.matches('\n').count() + 1, detail: error.message().to_owned() }
     })?;
     let keys = missing_keys(&raw, tree);
     if !keys.is_empty() {
-        return Err(ModelError::MissingKeys {
-            robot: robot.to_owned(),
-            keys,
-        });
+        return Err(ModelError::MissingKeys { robot: robot.to_owned(), keys });
     }
     check_values(&raw)?;
     let kind = raw.kind.unwrap_or_else(|| likely_kind(tree));
@@ -133,30 +121,15 @@ pub(crate) fn read(
         kind,
         limits: limits(&raw.limits, kind),
         stance: stance(&raw.stance, tree)?,
-        lidar: mount(
-            "sensors.lidar.link",
-            &lidar.link,
-            lidar.xyz_m,
-            lidar.rpy_rad,
-            tree,
-        )?,
+        lidar: mount("sensors.lidar.link", &lidar.link, lidar.xyz_m, lidar.rpy_rad, tree)?,
         rotation_hz: lidar.rotation_hz.unwrap_or(0.0),
         tilt_rad: lidar.tilt_rad.unwrap_or(0.0),
         sensor_offset_m: lidar.sensor_offset_m,
         imu: mount("sensors.imu.link", &imu.link, imu.xyz_m, imu.rpy_rad, tree)?,
-        camera: mount(
-            "sensors.camera.link",
-            &camera.link,
-            camera.xyz_m,
-            camera.rpy_rad,
-            tree,
-        )?,
+        camera: mount("sensors.camera.link", &camera.link, camera.xyz_m, camera.rpy_rad, tree)?,
         rotors: rotors(&raw.rotors, tree)?,
         rotor: rotor_constants(&raw.rotor),
-        drag: raw
-            .drag
-            .linear_n_s_per_m
-            .map_or(Vector3::zeros(), Vector3::from),
+        drag: raw.drag.linear_n_s_per_m.map_or(Vector3::zeros(), Vector3::from),
         legs: legs(&raw.legs, tree)?,
         payload: payload(&raw.payload, tree)?,
     })
@@ -173,16 +146,8 @@ fn limits(raw: &RawLimits, kind: RobotKind) -> MotionLimits {
         max_yaw_rate_radps: raw.max_yaw_rate_radps.unwrap_or(0.0),
         max_accel_mps2: raw.max_accel_mps2.unwrap_or(0.0),
         max_yaw_accel_radps2: raw.max_yaw_accel_radps2.unwrap_or(0.0),
-        max_climb_mps: if is_aerial {
-            raw.max_climb_mps.unwrap_or(0.0)
-        } else {
-            0.0
-        },
-        max_tilt_rad: if is_aerial {
-            raw.max_tilt_rad.unwrap_or(0.0)
-        } else {
-            0.0
-        },
+        max_climb_mps: if is_aerial { raw.max_climb_mps.unwrap_or(0.0) } else { 0.0 },
+        max_tilt_rad: if is_aerial { raw.max_tilt_rad.unwrap_or(0.0) } else { 0.0 },
     }
 }
 
@@ -191,23 +156,12 @@ fn stance(raw: &BTreeMap<String, f64>, tree: &KinematicTree) -> Result<Vec<f64>,
     for (name, &angle) in raw {
         let slot = moving_slot(&format!("stance.{name}"), name, tree)?;
         let joint = &tree.joints()[tree.moving_joints()[slot]];
-        let (lower, upper) = (
-            joint.lower.unwrap_or(f64::NEG_INFINITY),
-            joint.upper.unwrap_or(f64::INFINITY),
-        );
+        let (lower, upper) = (joint.lower.unwrap_or(f64::NEG_INFINITY), joint.upper.unwrap_or(f64::INFINITY));
         if !angle.is_finite() {
-            return Err(ModelError::OutOfRange {
-                key: format!("stance.{name}"),
-                expected: "a finite number",
-            });
+            return Err(ModelError::OutOfRange { key: format!("stance.{name}"), expected: "a finite number" });
         }
         if !(lower..=upper).contains(&angle) {
-            return Err(ModelError::StanceOutsideLimits {
-                joint: name.clone(),
-                angle,
-                lower,
-                upper,
-            });
+            return Err(ModelError::StanceOutsideLimits { joint: name.clone(), angle, lower, upper });
         }
         angles[slot] = angle;
     }
@@ -223,43 +177,23 @@ fn mount(
 ) -> Result<Mount, ModelError> {
     if !xyz_m.iter().chain(&rpy_rad).all(|v| v.is_finite()) {
         let key = key.replace(".link", ".xyz_m or .rpy_rad");
-        return Err(ModelError::OutOfRange {
-            key,
-            expected: "three finite numbers",
-        });
+        return Err(ModelError::OutOfRange { key, expected: "three finite numbers" });
     }
-    Ok(Mount {
-        link: frame(key, link.as_deref().unwrap_or(""), tree)?,
-        link_from_mount: pose(xyz_m, rpy_rad),
-    })
+    Ok(Mount { link: frame(key, link.as_deref().unwrap_or(""), tree)?, link_from_mount: pose(xyz_m, rpy_rad) })
 }
 
 fn frame(key: &str, link: &str, tree: &KinematicTree) -> Result<usize, ModelError> {
-    tree.link_named(link)
-        .ok_or_else(|| ModelError::UnknownFrame {
-            key: key.to_owned(),
-            link: link.to_owned(),
-        })
+    tree.link_named(link).ok_or_else(|| ModelError::UnknownFrame { key: key.to_owned(), link: link.to_owned() })
 }
 
 fn moving_slot(key: &str, joint: &str, tree: &KinematicTree) -> Result<usize, ModelError> {
-    let slot = tree
-        .moving_joints()
-        .iter()
-        .position(|index| tree.joints()[*index].name == joint);
-    slot.ok_or_else(|| ModelError::UnknownJoint {
-        key: key.to_owned(),
-        joint: joint.to_owned(),
-    })
+    let slot = tree.moving_joints().iter().position(|index| tree.joints()[*index].name == joint);
+    slot.ok_or_else(|| ModelError::UnknownJoint { key: key.to_owned(), joint: joint.to_owned() })
 }
 
 fn rotors(raw: &[RawRotorEntry], tree: &KinematicTree) -> Result<Vec<RotorEntry>, ModelError> {
     let read = |(index, rotor): (usize, &RawRotorEntry)| {
-        let link = frame(
-            &format!("rotors[{index}].link"),
-            rotor.link.as_deref().unwrap_or(""),
-            tree,
-        )?;
+        let link = frame(&format!("rotors[{index}].link"), rotor.link.as_deref().unwrap_or(""), tree)?;
         let swept = crate::envelope::swept_radius(tree, link).unwrap_or(0.0);
         let radius_m = rotor.radius_m.unwrap_or(swept);
         if !(radius_m.is_finite() && radius_m > 0.0) {
@@ -272,11 +206,7 @@ fn rotors(raw: &[RawRotorEntry], tree: &KinematicTree) -> Result<Vec<RotorEntry>
             Some(Spin::Cw) => -1.0,
             _ => 1.0,
         };
-        Ok(RotorEntry {
-            link,
-            direction,
-            radius_m,
-        })
+        Ok(RotorEntry { link, direction, radius_m })
     };
     raw.iter().enumerate().map(read).collect()
 }
@@ -297,11 +227,7 @@ fn legs(raw: &[RawLeg], tree: &KinematicTree) -> Result<Vec<LegEntry>, ModelErro
         let [hip, thigh, calf] = &leg.joints;
         Ok(LegEntry {
             name: leg.name.clone(),
-            slots: [
-                moving_slot(&key, hip, tree)?,
-                moving_slot(&key, thigh, tree)?,
-                moving_slot(&key, calf, tree)?,
-            ],
+            slots: [moving_slot(&key, hip, tree)?, moving_slot(&key, thigh, tree)?, moving_slot(&key, calf, tree)?],
             foot: frame(&format!("legs[{index}].foot"), &leg.foot, tree)?,
         })
     };
@@ -329,28 +255,14 @@ fn payload(raw: &[RawPayload], tree: &KinematicTree) -> Result<Vec<PayloadEntry>
             });
         }
         let geometry = match &entry.shape {
-            RawShape::Box { box_m } => Geometry::Box {
-                half: Vector3::from(*box_m) / 2.0,
-            },
-            RawShape::Cylinder { radius_m, length_m } => Geometry::Cylinder {
-                radius: *radius_m,
-                half_length: length_m / 2.0,
-            },
+            RawShape::Box { box_m } => Geometry::Box { half: Vector3::from(*box_m) / 2.0 },
+            RawShape::Cylinder { radius_m, length_m } => {
+                Geometry::Cylinder { radius: *radius_m, half_length: length_m / 2.0 }
+            }
             RawShape::Sphere { radius_m } => Geometry::Sphere { radius: *radius_m },
         };
-        let mount = mount(
-            &key,
-            &Some(entry.link.clone()),
-            entry.xyz_m,
-            entry.rpy_rad,
-            tree,
-        )?;
-        Ok(PayloadEntry {
-            name: entry.name.clone(),
-            mount,
-            geometry,
-            mass_kg: entry.mass_kg,
-        })
+        let mount = mount(&key, &Some(entry.link.clone()), entry.xyz_m, entry.rpy_rad, tree)?;
+        Ok(PayloadEntry { name: entry.name.clone(), mount, geometry, mass_kg: entry.mass_kg })
     };
     raw.iter().enumerate().map(read).collect()
 }

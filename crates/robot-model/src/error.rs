@@ -15,9 +15,7 @@ pub enum ModelError {
         limit: usize,
     },
     /// The text is not well-formed XML.
-    #[error(
-        "URDF line {line}: not well-formed XML (an element is not closed, or a tag or attribute is broken)"
-    )]
+    #[error("URDF line {line}: not well-formed XML (an element is not closed, or a tag or attribute is broken)")]
     Markup {
         /// Line of the text, from 1.
         line: usize,
@@ -26,9 +24,7 @@ pub enum ModelError {
     #[error("the URDF has no <robot> element")]
     NoRobotElement,
     /// A xacro element is left in the text.
-    #[error(
-        "URDF line {line}: <{element}> is a xacro element; expand the file first (`xacro in.xacro > out.urdf`)"
-    )]
+    #[error("URDF line {line}: <{element}> is a xacro element; expand the file first (`xacro in.xacro > out.urdf`)")]
     UnexpandedXacro {
         /// Line of the text, from 1.
         line: usize,
@@ -95,9 +91,7 @@ pub enum ModelError {
         second: String,
     },
     /// A joint type that a walking or flying robot model has no use for here.
-    #[error(
-        "joint `{joint}`: joints of type {kind} are not supported (fixed, revolute, continuous and prismatic are)"
-    )]
+    #[error("joint `{joint}`: joints of type {kind} are not supported (fixed, revolute, continuous and prismatic are)")]
     UnsupportedJoint {
         /// The joint.
         joint: String,
@@ -199,9 +193,7 @@ pub enum ModelError {
         link: String,
     },
     /// The TOML names a joint that the URDF does not have or that does not move.
-    #[error(
-        "robot TOML: `{key}` names the joint `{joint}`, which the URDF does not have as a moving joint"
-    )]
+    #[error("robot TOML: `{key}` names the joint `{joint}`, which the URDF does not have as a moving joint")]
     UnknownJoint {
         /// The key, with its table.
         key: String,
@@ -209,9 +201,7 @@ pub enum ModelError {
         joint: String,
     },
     /// A stance angle is outside the limits of its joint.
-    #[error(
-        "robot TOML: `stance.{joint}` = {angle} is outside the limits of the joint, [{lower}, {upper}]"
-    )]
+    #[error("robot TOML: `stance.{joint}` = {angle} is outside the limits of the joint, [{lower}, {upper}]")]
     StanceOutsideLimits {
         /// The joint.
         joint: String,
@@ -223,9 +213,7 @@ pub enum ModelError {
         upper: f64,
     },
     /// The rotors cannot lift the robot.
-    #[error(
-        "the rotors lift {thrust_n:.2} N at full speed, the robot weighs {weight_n:.2} N: it cannot hover"
-    )]
+    #[error("the rotors lift {thrust_n:.2} N at full speed, the robot weighs {weight_n:.2} N: it cannot hover")]
     CannotHover {
         /// Sum of the largest thrusts.
         thrust_n: f64,

@@ -49,11 +49,7 @@ const PLACEHOLDER: f64 = 1e-5;
 impl MassProperties {
     /// A link without mass.
     pub fn zero() -> Self {
-        Self {
-            mass_kg: 0.0,
-            center_of_mass: Point3::origin(),
-            inertia: Matrix3::zeros(),
-        }
+        Self { mass_kg: 0.0, center_of_mass: Point3::origin(), inertia: Matrix3::zeros() }
     }
 
     /// The same body seen from another frame.
@@ -78,14 +74,9 @@ impl MassProperties {
         let mut inertia = Matrix3::zeros();
         for part in parts {
             let d = part.center_of_mass - center_of_mass;
-            inertia += part.inertia
-                + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass_kg;
+            inertia += part.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass_kg;
         }
-        Self {
-            mass_kg,
-            center_of_mass,
-            inertia,
-        }
+        Self { mass_kg, center_of_mass, inertia }
     }
 
     /// Principal moments of inertia, ascending.
@@ -102,12 +93,7 @@ impl MassProperties {
     /// The first fault found, in the order of [`InertiaFault`].
     pub fn check(&self) -> Result<(), InertiaFault> {
         let finite = self.mass_kg.is_finite()
-            && self
-                .center_of_mass
-                .coords
-                .iter()
-                .chain(self.inertia.iter())
-                .all(|v| v.is_finite());
+            && self.center_of_mass.coords.iter().chain(self.inertia.iter()).all(|v| v.is_finite());
         if !finite {
             return Err(InertiaFault::NotFinite);
         }
@@ -146,9 +132,7 @@ mod tests {
         let both = MassProperties::combined(&[ball(1.0, 0.0), ball(3.0, 4.0)]);
         assert_eq!(both.mass_kg, 4.0);
         assert!((both.center_of_mass - Point3::new(3.0, 0.0, 0.0)).norm() < 1e-12);
-        assert!(
-            (both.inertia - Matrix3::from_diagonal(&Vector3::new(1.6, 13.6, 13.6))).norm() < 1e-12
-        );
+        assert!((both.inertia - Matrix3::from_diagonal(&Vector3::new(1.6, 13.6, 13.6))).norm() < 1e-12);
     }
 
     #[test]
@@ -161,24 +145,13 @@ mod tests {
             }
             .check()
         };
-        assert_eq!(
-            check(1.0, 1.0, 1.0, 2.0),
-            Ok(()),
-            "a flat plate is the limit case"
-        );
+        assert_eq!(check(1.0, 1.0, 1.0, 2.0), Ok(()), "a flat plate is the limit case");
         assert_eq!(check(1.0, 1.0, 1.0, 2.1), Err(InertiaFault::Triangle));
-        assert_eq!(
-            check(1.0, -1.0, 1.0, 1.0),
-            Err(InertiaFault::NegativeMoment)
-        );
+        assert_eq!(check(1.0, -1.0, 1.0, 1.0), Err(InertiaFault::NegativeMoment));
         assert_eq!(check(-1.0, 1.0, 1.0, 1.0), Err(InertiaFault::NegativeMass));
         assert_eq!(check(1.0, f64::NAN, 1.0, 1.0), Err(InertiaFault::NotFinite));
         assert_eq!(check(1e-6, 0.0, 0.0, 3e-6), Ok(()), "a placeholder");
-        assert_eq!(
-            check(1e-6, 0.0, 0.0, 3e-5),
-            Err(InertiaFault::Triangle),
-            "too much inertia for one"
-        );
+        assert_eq!(check(1e-6, 0.0, 0.0, 3e-5), Err(InertiaFault::Triangle), "too much inertia for one");
         assert_eq!(MassProperties::zero().check(), Ok(()));
     }
 }

@@ -20,21 +20,12 @@ pub(crate) fn missing_keys(raw: &Raw, tree: &KinematicTree) -> Vec<String> {
     let l = &raw.limits;
     need(l.max_speed_mps.is_some(), "limits.max_speed_mps");
     if kind == RobotKind::Ground {
-        need(
-            l.max_lateral_speed_mps.is_some(),
-            "limits.max_lateral_speed_mps",
-        );
-        need(
-            l.max_reverse_speed_mps.is_some(),
-            "limits.max_reverse_speed_mps",
-        );
+        need(l.max_lateral_speed_mps.is_some(), "limits.max_lateral_speed_mps");
+        need(l.max_reverse_speed_mps.is_some(), "limits.max_reverse_speed_mps");
     }
     need(l.max_yaw_rate_radps.is_some(), "limits.max_yaw_rate_radps");
     need(l.max_accel_mps2.is_some(), "limits.max_accel_mps2");
-    need(
-        l.max_yaw_accel_radps2.is_some(),
-        "limits.max_yaw_accel_radps2",
-    );
+    need(l.max_yaw_accel_radps2.is_some(), "limits.max_yaw_accel_radps2");
     if kind == RobotKind::Aerial {
         need(l.max_climb_mps.is_some(), "limits.max_climb_mps");
         need(l.max_tilt_rad.is_some(), "limits.max_tilt_rad");
@@ -51,53 +42,32 @@ pub(crate) fn missing_keys(raw: &Raw, tree: &KinematicTree) -> Vec<String> {
     if kind == RobotKind::Aerial {
         need(!raw.rotors.is_empty(), "rotors");
         let r = &raw.rotor;
-        need(
-            r.thrust_coefficient_n_s2.is_some(),
-            "rotor.thrust_coefficient_n_s2",
-        );
+        need(r.thrust_coefficient_n_s2.is_some(), "rotor.thrust_coefficient_n_s2");
         need(r.moment_ratio_m.is_some(), "rotor.moment_ratio_m");
         need(r.max_speed_radps.is_some(), "rotor.max_speed_radps");
         need(r.time_constant_up_s.is_some(), "rotor.time_constant_up_s");
-        need(
-            r.time_constant_down_s.is_some(),
-            "rotor.time_constant_down_s",
-        );
+        need(r.time_constant_down_s.is_some(), "rotor.time_constant_down_s");
         need(raw.drag.linear_n_s_per_m.is_some(), "drag.linear_n_s_per_m");
     }
     for (index, rotor) in raw.rotors.iter().enumerate() {
         need(rotor.link.is_some(), &format!("rotors[{index}].link"));
-        need(
-            rotor.direction.is_some(),
-            &format!("rotors[{index}].direction"),
-        );
+        need(rotor.direction.is_some(), &format!("rotors[{index}].direction"));
         let link = rotor.link.as_deref().and_then(|link| tree.link_named(link));
         let has_shape = link.is_some_and(|link| !tree.links()[link].shapes.is_empty());
-        need(
-            rotor.radius_m.is_some() || has_shape || link.is_none(),
-            &format!("rotors[{index}].radius_m"),
-        );
+        need(rotor.radius_m.is_some() || has_shape || link.is_none(), &format!("rotors[{index}].radius_m"));
     }
     keys
 }
 
 /// Names of the joints whose stance angle matters: those with limits.
 fn stance_joints(tree: &KinematicTree) -> impl Iterator<Item = &str> {
-    let moving = tree
-        .moving_joints()
-        .iter()
-        .map(|joint| &tree.joints()[*joint]);
-    moving
-        .filter(|joint| joint.kind != JointKind::Continuous)
-        .map(|joint| joint.name.as_str())
+    let moving = tree.moving_joints().iter().map(|joint| &tree.joints()[*joint]);
+    moving.filter(|joint| joint.kind != JointKind::Continuous).map(|joint| joint.name.as_str())
 }
 
 /// Without a `kind` the list of missing keys is written for what the robot looks like: something with legs walks.
 pub(crate) fn likely_kind(tree: &KinematicTree) -> RobotKind {
-    if stance_joints(tree).next().is_some() {
-        RobotKind::Ground
-    } else {
-        RobotKind::Aerial
-    }
+    if stance_joints(tree).next().is_some() { RobotKind::Ground } else { RobotKind::Aerial }
 }
 
 pub(crate) fn check_values(raw: &Raw) -> Result<(), ModelError> {
@@ -108,10 +78,7 @@ pub(crate) fn check_values(raw: &Raw) -> Result<(), ModelError> {
         ("limits.max_accel_mps2", l.max_accel_mps2),
         ("limits.max_yaw_accel_radps2", l.max_yaw_accel_radps2),
         ("limits.max_climb_mps", l.max_climb_mps),
-        (
-            "rotor.thrust_coefficient_n_s2",
-            raw.rotor.thrust_coefficient_n_s2,
-        ),
+        ("rotor.thrust_coefficient_n_s2", raw.rotor.thrust_coefficient_n_s2),
         ("rotor.max_speed_radps", raw.rotor.max_speed_radps),
     ];
     let not_negative = [
@@ -126,12 +93,7 @@ pub(crate) fn check_values(raw: &Raw) -> Result<(), ModelError> {
         ("limits.max_tilt_rad", l.max_tilt_rad, FRAC_PI_2),
         ("sensors.lidar.tilt_rad", raw.sensors.lidar.tilt_rad, PI),
     ];
-    let out = |key: &str, expected| {
-        Err(ModelError::OutOfRange {
-            key: key.to_owned(),
-            expected,
-        })
-    };
+    let out = |key: &str, expected| Err(ModelError::OutOfRange { key: key.to_owned(), expected });
     for (key, value) in positive {
         if value.is_some_and(|v| !(v.is_finite() && v > 0.0)) {
             return out(key, "a positive number");
@@ -144,30 +106,13 @@ pub(crate) fn check_values(raw: &Raw) -> Result<(), ModelError> {
     }
     for (key, value, end) in angle {
         if value.is_some_and(|v| !(0.0..end).contains(&v)) {
-            return out(
-                key,
-                if end == PI {
-                    "an angle in [0, pi)"
-                } else {
-                    "an angle in [0, pi/2)"
-                },
-            );
+            return out(key, if end == PI { "an angle in [0, pi)" } else { "an angle in [0, pi/2)" });
         }
     }
-    if raw
-        .drag
-        .linear_n_s_per_m
-        .is_some_and(|drag| drag.iter().any(|v| !(v.is_finite() && *v >= 0.0)))
-    {
+    if raw.drag.linear_n_s_per_m.is_some_and(|drag| drag.iter().any(|v| !(v.is_finite() && *v >= 0.0))) {
         return out("drag.linear_n_s_per_m", "three numbers, zero or positive");
     }
-    if !raw
-        .sensors
-        .lidar
-        .sensor_offset_m
-        .iter()
-        .all(|v| v.is_finite())
-    {
+    if !raw.sensors.lidar.sensor_offset_m.iter().all(|v| v.is_finite()) {
         return out("sensors.lidar.sensor_offset_m", "three finite numbers");
     }
     Ok(())

@@ -37,9 +37,7 @@ pub struct Leg {
 impl Leg {
     pub(crate) fn new(tree: &KinematicTree, entry: &LegEntry) -> Self {
         let zero = vec![0.0; tree.moving_joints().len()];
-        let poses = tree
-            .body_from_links(&zero)
-            .expect("one zero for each moving joint");
+        let poses = tree.body_from_links(&zero).expect("one zero for each moving joint");
         let at_zero = |link: usize| Point3::from(poses[link].translation.vector);
         let joint_of = |slot: usize| &tree.joints()[tree.moving_joints()[slot]];
         let [hip, thigh, calf] = entry.slots.map(|slot| at_zero(joint_of(slot).child));
@@ -54,10 +52,7 @@ impl Leg {
             thigh_length_m: thigh.z - calf.z,
             calf_length_m: calf.z - foot.z,
             limits_rad: entry.slots.map(|slot| {
-                (
-                    joint_of(slot).lower.unwrap_or(f64::NEG_INFINITY),
-                    joint_of(slot).upper.unwrap_or(f64::INFINITY),
-                )
+                (joint_of(slot).lower.unwrap_or(f64::NEG_INFINITY), joint_of(slot).upper.unwrap_or(f64::INFINITY))
             }),
         }
     }
@@ -74,10 +69,8 @@ impl Leg {
         let calf = -(-1.0..=1.0).contains(&cosine).then(|| cosine.acos())?;
         let thigh = (-p.x).atan2(-below) - (l2 * calf.sin()).atan2(l1 + l2 * calf.cos());
         let angles = [wrapped(hip), wrapped(thigh), calf];
-        let is_allowed = angles
-            .iter()
-            .zip(&self.limits_rad)
-            .all(|(angle, (lower, upper))| (*lower..=*upper).contains(angle));
+        let is_allowed =
+            angles.iter().zip(&self.limits_rad).all(|(angle, (lower, upper))| (*lower..=*upper).contains(angle));
         is_allowed.then_some(angles)
     }
 }

@@ -47,27 +47,15 @@ pub fn merged_bodies(tree: &KinematicTree) -> Vec<MergedBody> {
             home[joint.child] = (body, body_from_joint);
         } else {
             home[joint.child] = (bodies.len(), Isometry3::identity());
-            bodies.push(new_body(
-                joint.child,
-                Some(index),
-                Some((body, body_from_joint)),
-            ));
+            bodies.push(new_body(joint.child, Some(index), Some((body, body_from_joint))));
         }
     }
     for body in &mut bodies {
-        let parts: Vec<_> = body
-            .links
-            .iter()
-            .map(|(link, pose)| tree.links()[*link].mass.in_frame(pose))
-            .collect();
+        let parts: Vec<_> = body.links.iter().map(|(link, pose)| tree.links()[*link].mass.in_frame(pose)).collect();
         body.mass = MassProperties::combined(&parts);
         for (link, pose) in &body.links {
-            body.shapes.extend(
-                tree.links()[*link]
-                    .shapes
-                    .iter()
-                    .map(|(shape, geometry)| (pose * shape, geometry.clone())),
-            );
+            body.shapes
+                .extend(tree.links()[*link].shapes.iter().map(|(shape, geometry)| (pose * shape, geometry.clone())));
         }
     }
     bodies

@@ -28,38 +28,20 @@ pub enum MeshFault {
 ///
 /// # Errors
 /// See [`MeshFault`].
-pub fn vertices(
-    name: &str,
-    bytes: &[u8],
-    scale: &Vector3<f64>,
-) -> Result<Vec<Point3<f64>>, MeshFault> {
+pub fn vertices(name: &str, bytes: &[u8], scale: &Vector3<f64>) -> Result<Vec<Point3<f64>>, MeshFault> {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     let raw = match ending.as_str() {
         "stl" => stl(bytes)?,
         "obj" => tagged_lines(bytes, "v")?,
         _ => return Err(MeshFault::UnknownFormat),
     };
-    let mut points: Vec<Point3<f64>> = raw
-        .into_iter()
-        .map(|p| Point3::from(p.coords.component_mul(scale)))
-        .collect();
-    if points
-        .iter()
-        .any(|p| !p.coords.iter().all(|v| v.is_finite()))
-    {
+    let mut points: Vec<Point3<f64>> = raw.into_iter().map(|p| Point3::from(p.coords.component_mul(scale))).collect();
+    if points.iter().any(|p| !p.coords.iter().all(|v| v.is_finite())) {
         return Err(MeshFault::NotFinite);
     }
-    points.sort_by(|a, b| {
-        a.x.total_cmp(&b.x)
-            .then(a.y.total_cmp(&b.y))
-            .then(a.z.total_cmp(&b.z))
-    });
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     points.dedup();
-    if points.len() < 4 {
-        Err(MeshFault::TooFew)
-    } else {
-        Ok(points)
-    }
+    if points.len() < 4 { Err(MeshFault::TooFew) } else { Ok(points) }
 }
 
 /// Places where a mesh named in a URDF may lie, best first; the caller tries them in turn.
@@ -69,9 +51,7 @@ pub fn vertices(
 /// are relative to the folder of the URDF. Give `urdf_folder` as an absolute path (`std::path::absolute`): a relative one has no
 /// folders above it.
 pub fn mesh_candidates(file: &str, urdf_folder: &Path) -> Vec<PathBuf> {
-    let package = file
-        .strip_prefix("package://")
-        .or_else(|| file.strip_prefix("model://"));
+    let package = file.strip_prefix("package://").or_else(|| file.strip_prefix("model://"));
     let Some(path) = package else {
         return vec![urdf_folder.join(file.strip_prefix("file://").unwrap_or(file))];
     };
@@ -79,10 +59,7 @@ pub fn mesh_candidates(file: &str, urdf_folder: &Path) -> Vec<PathBuf> {
     let mut candidates = Vec::new();
     for folder in urdf_folder.ancestors() {
         candidates.push(folder.join(path));
-        if folder
-            .file_name()
-            .is_some_and(|folder_name| folder_name == name)
-        {
+        if folder.file_name().is_some_and(|folder_name| folder_name == name) {
             candidates.push(folder.join(rest));
         }
     }
@@ -95,31 +72,17 @@ fn stl(bytes: &[u8]) -> Result<Vec<Point3<f64>>, MeshFault> {
     const TRIANGLE: usize = 50;
     if let Some(count) = bytes.get(80..HEADER) {
         let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
-        if count
-            .checked_mul(TRIANGLE)
-            .and_then(|size| size.checked_add(HEADER))
-            == Some(bytes.len())
-        {
+        if count.checked_mul(TRIANGLE).and_then(|size| size.checked_add(HEADER)) == Some(bytes.len()) {
             let float = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
             return Ok(bytes[HEADER..]
                 .chunks_exact(TRIANGLE)
                 // 12 bytes of normal, then three corners of 12 bytes.
                 .flat_map(|triangle| triangle[12..48].chunks_exact(12))
-                .map(|corner| {
-                    Point3::new(
-                        float(&corner[0..4]),
-                        float(&corner[4..8]),
-                        float(&corner[8..12]),
-                    )
-                })
+                .map(|corner| Point3::new(float(&corner[0..4]), float(&corner[4..8]), float(&corner[8..12])))
                 .collect());
         }
     }
-    if bytes.trim_ascii_start().starts_with(b"solid") {
-        tagged_lines(bytes, "vertex")
-    } else {
-        Err(MeshFault::Damaged)
-    }
+    if bytes.trim_ascii_start().starts_with(b"solid") { tagged_lines(bytes, "vertex") } else { Err(MeshFault::Damaged) }
 }
 
 /// All lines `TAG x y z ...` of a text.
@@ -131,12 +94,7 @@ fn tagged_lines(bytes: &[u8], tag: &str) -> Result<Vec<Point3<f64>>, MeshFault> 
         if words.next() != Some(tag) {
             continue;
         }
-        let mut number = || {
-            words
-                .next()
-                .and_then(|word| word.parse::<f64>().ok())
-                .ok_or(MeshFault::Damaged)
-        };
+        let mut number = || words.next().and_then(|word| word.parse::<f64>().ok()).ok_or(MeshFault::Damaged);
         points.push(Point3::new(number()?, number()?, number()?));
     }
     Ok(points)
@@ -146,12 +104,7 @@ fn tagged_lines(bytes: &[u8], tag: &str) -> Result<Vec<Point3<f64>>, MeshFault> 
 mod tests {
     use super::*;
 
-    const TETRAHEDRON: [[f32; 3]; 4] = [
-        [0.0, 0.0, 0.0],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-    ];
+    const TETRAHEDRON: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
     fn binary_stl() -> Vec<u8> {
@@ -184,16 +137,8 @@ mod tests {
             Point3::new(0.0, 1.0, -0.0),
             Point3::new(2.0, 0.0, -0.0),
         ];
-        for (name, bytes) in [
-            ("a.STL", binary_stl()),
-            ("a.stl", text.into_bytes()),
-            ("a.obj", obj.to_vec()),
-        ] {
-            assert_eq!(
-                vertices(name, &bytes, &scale),
-                Ok(expected.clone()),
-                "{name}"
-            );
+        for (name, bytes) in [("a.STL", binary_stl()), ("a.stl", text.into_bytes()), ("a.obj", obj.to_vec())] {
+            assert_eq!(vertices(name, &bytes, &scale), Ok(expected.clone()), "{name}");
         }
     }
 
@@ -204,28 +149,16 @@ mod tests {
         cut.pop();
         assert_eq!(vertices("a.stl", &cut, &one), Err(MeshFault::Damaged));
         assert_eq!(vertices("a.stl", b"", &one), Err(MeshFault::Damaged));
-        assert_eq!(
-            vertices("a.dae", b"<COLLADA/>", &one),
-            Err(MeshFault::UnknownFormat)
-        );
+        assert_eq!(vertices("a.dae", b"<COLLADA/>", &one), Err(MeshFault::UnknownFormat));
         assert_eq!(vertices("a.obj", b"v 1 2", &one), Err(MeshFault::Damaged));
-        assert_eq!(
-            vertices("a.obj", b"v 1 2 nan\nv 0 0 0", &one),
-            Err(MeshFault::NotFinite)
-        );
-        assert_eq!(
-            vertices("a.obj", b"v 1 2 3\nv 1 2 3\nv 0 0 0", &one),
-            Err(MeshFault::TooFew)
-        );
+        assert_eq!(vertices("a.obj", b"v 1 2 nan\nv 0 0 0", &one), Err(MeshFault::NotFinite));
+        assert_eq!(vertices("a.obj", b"v 1 2 3\nv 1 2 3\nv 0 0 0", &one), Err(MeshFault::TooFew));
     }
 
     #[test]
     fn packages_are_looked_for_upwards() {
         let found = mesh_candidates("package://dog/meshes/a.stl", Path::new("/ws/src/dog/urdf"));
         assert!(found.contains(&PathBuf::from("/ws/src/dog/meshes/a.stl")));
-        assert_eq!(
-            mesh_candidates("../a.stl", Path::new("/ws")),
-            vec![PathBuf::from("/ws/../a.stl")]
-        );
+        assert_eq!(mesh_candidates("../a.stl", Path::new("/ws")), vec![PathBuf::from("/ws/../a.stl")]);
     }
 }

@@ -97,19 +97,13 @@ impl RobotModel {
     ///
     /// # Errors
     /// See [`ModelError`]; each names the element or key.
-    pub fn parse(
-        urdf: &str,
-        toml: &str,
-        read_mesh: MeshReader<'_>,
-    ) -> Result<RobotModel, ModelError> {
+    pub fn parse(urdf: &str, toml: &str, read_mesh: MeshReader<'_>) -> Result<RobotModel, ModelError> {
         // 1. The tree of links, and the TOML resolved against it.
         let (name, tree) = urdf::read(urdf, read_mesh)?;
         let description = description::read(toml, &name, &tree)?;
         let stance = description.stance.clone();
         // 2. Where every link is in the stance.
-        let poses = tree
-            .body_from_links(&stance)
-            .expect("the stance has one finite angle for each moving joint");
+        let poses = tree.body_from_links(&stance).expect("the stance has one finite angle for each moving joint");
         let place = |mount: &Mount| poses[mount.link] * mount.link_from_mount;
         // 3. Mass of links and payload.
         let mass = whole_mass(&tree, &poses, &description);
@@ -117,14 +111,7 @@ impl RobotModel {
             return Err(ModelError::NoMass);
         }
         // 4. Space: shapes with rotors and wheels swept, payload added.
-        let discs: Vec<Disc> = description
-            .rotors
-            .iter()
-            .map(|r| Disc {
-                link: r.link,
-                radius_m: r.radius_m,
-            })
-            .collect();
+        let discs: Vec<Disc> = description.rotors.iter().map(|r| Disc { link: r.link, radius_m: r.radius_m }).collect();
         let mut collision_shapes = swept_shapes(&tree, &stance, &discs);
         collision_shapes.extend(description.payload.iter().map(|payload| CollisionShape {
             link: payload.name.clone(),
@@ -138,24 +125,12 @@ impl RobotModel {
             rotor_from_sensor: rotor_from_sensor(description.tilt_rad, description.sensor_offset_m),
             body_from_imu: place(&description.imu),
             body_from_camera: place(&description.camera),
-            lidar: LidarMotor {
-                rotation_hz: description.rotation_hz,
-                tilt_rad: description.tilt_rad,
-            },
+            lidar: LidarMotor { rotation_hz: description.rotation_hz, tilt_rad: description.tilt_rad },
         };
         let rotors = place_rotors(&tree, &poses, &description);
         check_hover(description.kind, &rotors, mass.mass_kg)?;
-        let legs = description
-            .legs
-            .iter()
-            .map(|leg| Leg::new(&tree, leg))
-            .collect();
-        let frames = tree
-            .links()
-            .iter()
-            .zip(&poses)
-            .map(|(link, pose)| (link.name.clone(), *pose))
-            .collect();
+        let legs = description.legs.iter().map(|leg| Leg::new(&tree, leg)).collect();
+        let frames = tree.links().iter().zip(&poses).map(|(link, pose)| (link.name.clone(), *pose)).collect();
         Ok(RobotModel {
             name,
             kind: description.kind,
@@ -184,61 +159,30 @@ impl RobotModel {
     ///
     /// # Errors
     /// A name that is not a moving joint, or an angle that is not finite. Limits are not enforced.
-    pub fn frames_at(
-        &self,
-        angles: &BTreeMap<String, f64>,
-    ) -> Result<BTreeMap<String, Isometry3<f64>>, AnglesError> {
-        let joints = self
-            .tree
-            .moving_joints()
-            .iter()
-            .map(|joint| self.tree.joints()[*joint].name.clone());
+    pub fn frames_at(&self, angles: &BTreeMap<String, f64>) -> Result<BTreeMap<String, Isometry3<f64>>, AnglesError> {
+        let joints = self.tree.moving_joints().iter().map(|joint| self.tree.joints()[*joint].name.clone());
         let mut named: BTreeMap<String, f64> = joints.zip(self.stance.iter().copied()).collect();
         named.extend(angles.iter().map(|(name, angle)| (name.clone(), *angle)));
         let poses = self.tree.body_from_links(&self.tree.angles_from(&named)?)?;
-        Ok(self
-            .tree
-            .links()
-            .iter()
-            .zip(poses)
-            .map(|(link, pose)| (link.name.clone(), pose))
-            .collect())
+        Ok(self.tree.links().iter().zip(poses).map(|(link, pose)| (link.name.clone(), pose)).collect())
     }
 
     /// Sum of the largest thrusts of all rotors, N; 0 for a ground robot.
     pub fn max_thrust_n(&self) -> f64 {
-        self.rotors
-            .iter()
-            .map(|rotor| rotor.thrust_n(rotor.max_speed_radps))
-            .sum()
+        self.rotors.iter().map(|rotor| rotor.thrust_n(rotor.max_speed_radps)).sum()
     }
 }
 
-fn whole_mass(
-    tree: &KinematicTree,
-    poses: &[Isometry3<f64>],
-    description: &Description,
-) -> MassProperties {
-    let links = tree
-        .links()
-        .iter()
-        .zip(poses)
-        .map(|(link, pose)| link.mass.in_frame(pose));
+fn whole_mass(tree: &KinematicTree, poses: &[Isometry3<f64>], description: &Description) -> MassProperties {
+    let links = tree.links().iter().zip(poses).map(|(link, pose)| link.mass.in_frame(pose));
     let payload = description.payload.iter().map(|payload| {
         let body_from_payload = poses[payload.mount.link] * payload.mount.link_from_mount;
-        payload
-            .geometry
-            .filled(payload.mass_kg)
-            .in_frame(&body_from_payload)
+        payload.geometry.filled(payload.mass_kg).in_frame(&body_from_payload)
     });
     MassProperties::combined(&links.chain(payload).collect::<Vec<_>>())
 }
 
-fn place_rotors(
-    tree: &KinematicTree,
-    poses: &[Isometry3<f64>],
-    description: &Description,
-) -> Vec<Rotor> {
+fn place_rotors(tree: &KinematicTree, poses: &[Isometry3<f64>], description: &Description) -> Vec<Rotor> {
     let Some(constants) = description.rotor else {
         return Vec::new();
     };
@@ -257,9 +201,7 @@ fn place_rotors(
 }
 
 fn check_hover(kind: RobotKind, rotors: &[Rotor], mass_kg: f64) -> Result<(), ModelError> {
-    let lift = |rotor: &Rotor| {
-        rotor.thrust_n(rotor.max_speed_radps) * (rotor.body_from_rotor * Vector3::z()).z
-    };
+    let lift = |rotor: &Rotor| rotor.thrust_n(rotor.max_speed_radps) * (rotor.body_from_rotor * Vector3::z()).z;
     let thrust_n: f64 = rotors.iter().map(lift).sum();
     let weight_n = mass_kg * GRAVITY_MPS2;
     if kind == RobotKind::Aerial && thrust_n <= weight_n {

@@ -31,34 +31,19 @@ pub(crate) struct Element {
 /// Keeps what a kinematic tree is made of.
 pub(crate) fn sanitise(text: &str) -> Result<Element, ModelError> {
     if text.len() > MAX_URDF_BYTES {
-        return Err(ModelError::TooLarge {
-            bytes: text.len(),
-            limit: MAX_URDF_BYTES,
-        });
+        return Err(ModelError::TooLarge { bytes: text.len(), limit: MAX_URDF_BYTES });
     }
     let mut root = None;
     // Open elements: the kept ones, and the names of dropped ones inside them.
     let mut kept: Vec<Element> = Vec::new();
     let mut dropped: Vec<&str> = Vec::new();
-    let mut scanner = Scanner {
-        text,
-        at: 0,
-        line: 1,
-    };
+    let mut scanner = Scanner { text, at: 0, line: 1 };
     while let Some(tag) = scanner.next_tag()? {
         match tag {
-            Tag::Open {
-                name,
-                attributes,
-                is_empty,
-                line,
-            } => {
+            Tag::Open { name, attributes, is_empty, line } => {
                 let parent = kept.last().map(|element| element.name.as_str());
                 if dropped.is_empty() && name.starts_with("xacro:") {
-                    return Err(ModelError::UnexpandedXacro {
-                        line,
-                        element: name.to_owned(),
-                    });
+                    return Err(ModelError::UnexpandedXacro { line, element: name.to_owned() });
                 }
                 if kept.is_empty() && root.is_some() {
                     return Err(ModelError::Markup { line });
@@ -82,17 +67,13 @@ pub(crate) fn sanitise(text: &str) -> Result<Element, ModelError> {
             Tag::Close { name, line } => match dropped.pop() {
                 Some(open) if open == name => {}
                 Some(_) => return Err(ModelError::Markup { line }),
-                None if kept.last().is_some_and(|element| element.name == name) => {
-                    close_kept(&mut kept, &mut root)
-                }
+                None if kept.last().is_some_and(|element| element.name == name) => close_kept(&mut kept, &mut root),
                 None => return Err(ModelError::Markup { line }),
             },
         }
     }
     match root {
-        _ if !kept.is_empty() || !dropped.is_empty() => {
-            Err(ModelError::Markup { line: scanner.line })
-        }
+        _ if !kept.is_empty() || !dropped.is_empty() => Err(ModelError::Markup { line: scanner.line }),
         Some(root) => Ok(root),
         None => Err(ModelError::NoRobotElement),
     }
@@ -101,9 +82,7 @@ pub(crate) fn sanitise(text: &str) -> Result<Element, ModelError> {
 impl Element {
     /// The value of an attribute as written, without entity decoding.
     pub fn attribute(&self, name: &str) -> Option<&str> {
-        attributes_of(&self.attributes)
-            .find(|(key, _, _)| *key == name)
-            .map(|(_, value, _)| value)
+        attributes_of(&self.attributes).find(|(key, _, _)| *key == name).map(|(_, value, _)| value)
     }
 
     /// The element as XML text.
@@ -139,10 +118,7 @@ fn is_kept(parent: Option<&str>, name: &str) -> bool {
         Some("inertial") => matches!(name, "origin" | "mass" | "inertia"),
         Some("collision") => matches!(name, "origin" | "geometry"),
         Some("geometry") => matches!(name, "box" | "cylinder" | "capsule" | "sphere" | "mesh"),
-        Some("joint") => matches!(
-            name,
-            "origin" | "parent" | "child" | "axis" | "limit" | "mimic"
-        ),
+        Some("joint") => matches!(name, "origin" | "parent" | "child" | "axis" | "limit" | "mimic"),
         Some(_) => false,
     }
 }
@@ -155,33 +131,18 @@ fn close_kept(kept: &mut Vec<Element>, root: &mut Option<Element>) {
         return;
     };
     let may_repeat = matches!(element.name.as_str(), "link" | "joint" | "collision");
-    let is_repeated = !may_repeat
-        && parent
-            .children
-            .iter()
-            .any(|sibling| sibling.name == element.name);
+    let is_repeated = !may_repeat && parent.children.iter().any(|sibling| sibling.name == element.name);
     let second_shape = parent.name == "geometry" && !parent.children.is_empty();
     let is_empty_collision = element.name == "collision"
-        && !element
-            .children
-            .iter()
-            .any(|child| child.name == "geometry" && !child.children.is_empty());
+        && !element.children.iter().any(|child| child.name == "geometry" && !child.children.is_empty());
     if !(is_repeated || second_shape || is_empty_collision) {
         parent.children.push(element);
     }
 }
 
 enum Tag<'a> {
-    Open {
-        name: &'a str,
-        attributes: &'a str,
-        is_empty: bool,
-        line: usize,
-    },
-    Close {
-        name: &'a str,
-        line: usize,
-    },
+    Open { name: &'a str, attributes: &'a str, is_empty: bool, line: usize },
+    Close { name: &'a str, line: usize },
 }
 
 struct Scanner<'a> {
@@ -218,10 +179,7 @@ impl<'a> Scanner<'a> {
     }
 
     fn advance(&mut self, bytes: usize) {
-        self.line += self.text[self.at..self.at + bytes]
-            .bytes()
-            .filter(|b| *b == b'\n')
-            .count();
+        self.line += self.text[self.at..self.at + bytes].bytes().filter(|b| *b == b'\n').count();
         self.at += bytes;
     }
 }
@@ -258,29 +216,17 @@ fn end_of_doctype(rest: &str) -> Option<usize> {
 /// Parses what stands between `<` and `>`.
 fn parse_tag(inside: &str, line: usize) -> Result<Tag<'_>, ModelError> {
     if let Some(name) = inside.strip_prefix('/') {
-        return Ok(Tag::Close {
-            name: name.trim_end(),
-            line,
-        });
+        return Ok(Tag::Close { name: name.trim_end(), line });
     }
-    let (inside, is_empty) = inside
-        .strip_suffix('/')
-        .map_or((inside, false), |inside| (inside, true));
-    let name_end = inside
-        .find(|c: char| c.is_whitespace())
-        .unwrap_or(inside.len());
+    let (inside, is_empty) = inside.strip_suffix('/').map_or((inside, false), |inside| (inside, true));
+    let name_end = inside.find(|c: char| c.is_whitespace()).unwrap_or(inside.len());
     let (name, attributes) = inside.split_at(name_end);
     // A sound list of attributes is consumed to its end.
     let is_sound = attributes[attributes_end(attributes)..].trim().is_empty();
     if name.is_empty() || !is_sound {
         return Err(ModelError::Markup { line });
     }
-    Ok(Tag::Open {
-        name,
-        attributes,
-        is_empty,
-        line,
-    })
+    Ok(Tag::Open { name, attributes, is_empty, line })
 }
 
 /// `(key, value, quote)` of every attribute up to the first broken one.
@@ -305,8 +251,7 @@ fn next_attribute(text: &str, at: usize) -> Option<(&str, &str, char, usize)> {
     let rest = &text[at..];
     let equals = rest.find('=')?;
     let key = rest[..equals].trim();
-    if key.is_empty() || key.contains(|c: char| c.is_whitespace() || matches!(c, '"' | '\'' | '&'))
-    {
+    if key.is_empty() || key.contains(|c: char| c.is_whitespace() || matches!(c, '"' | '\'' | '&')) {
         return None;
     }
     let value = rest[equals + 1..].trim_start();
@@ -361,9 +306,6 @@ mod tests {
         }
         assert_eq!(sanitise("hello"), Err(ModelError::NoRobotElement));
         assert_eq!(sanitise("<html></html>"), Err(ModelError::NoRobotElement));
-        assert!(matches!(
-            sanitise("<robot><xacro:macro/></robot>"),
-            Err(ModelError::UnexpandedXacro { line: 1, .. })
-        ));
+        assert!(matches!(sanitise("<robot><xacro:macro/></robot>"), Err(ModelError::UnexpandedXacro { line: 1, .. })));
     }
 }

@@ -59,18 +59,12 @@ mod tests {
             rotor_from_sensor: rotor_from_sensor(0.5, [0.0, 0.0, 0.1]),
             body_from_imu: Isometry3::identity(),
             body_from_camera: Isometry3::identity(),
-            lidar: LidarMotor {
-                rotation_hz: 0.5,
-                tilt_rad: 0.5,
-            },
+            lidar: LidarMotor { rotation_hz: 0.5, tilt_rad: 0.5 },
         };
         let start = mounts.body_from_sensor(0.0) * Vector3::z();
         let half_turn = mounts.body_from_sensor(PI) * Vector3::z();
         assert!((start - Vector3::new(0.5f64.sin(), 0.0, 0.5f64.cos())).norm() < 1e-12);
         assert!((half_turn - Vector3::new(-0.5f64.sin(), 0.0, 0.5f64.cos())).norm() < 1e-12);
-        assert!(
-            (mounts.body_from_sensor(1.0).translation.vector - Vector3::new(0.0, 0.0, 0.4)).norm()
-                < 1e-12
-        );
+        assert!((mounts.body_from_sensor(1.0).translation.vector - Vector3::new(0.0, 0.0, 0.4)).norm() < 1e-12);
     }
 }

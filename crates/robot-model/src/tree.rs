@@ -112,10 +112,7 @@ impl KinematicTree {
             return Err(ModelError::NoLinks);
         }
         if links.len() > MAX_LINKS {
-            return Err(ModelError::TooManyLinks {
-                links: links.len(),
-                limit: MAX_LINKS,
-            });
+            return Err(ModelError::TooManyLinks { links: links.len(), limit: MAX_LINKS });
         }
         refuse_duplicates("link", links.iter().map(|link| link.name.as_str()))?;
         refuse_duplicates("joint", joints.iter().map(|joint| joint.name.as_str()))?;
@@ -135,9 +132,7 @@ impl KinematicTree {
         let mut roots = (0..links.len()).filter(|link| joint_above[*link].is_none());
         let Some(root) = roots.next() else {
             // Every link has a parent: every link is on or below a loop.
-            return Err(ModelError::Cycle {
-                link: links[0].name.clone(),
-            });
+            return Err(ModelError::Cycle { link: links[0].name.clone() });
         };
         let second_root = roots.next();
 
@@ -159,21 +154,10 @@ impl KinematicTree {
             });
         }
         if let Some(link) = is_reached.iter().position(|reached| !reached) {
-            return Err(ModelError::Cycle {
-                link: links[link].name.clone(),
-            });
+            return Err(ModelError::Cycle { link: links[link].name.clone() });
         }
-        let moving = (0..joints.len())
-            .filter(|joint| joints[*joint].kind != JointKind::Fixed)
-            .collect();
-        Ok(Self {
-            links,
-            joints,
-            root,
-            order,
-            moving,
-            above: joint_above,
-        })
+        let moving = (0..joints.len()).filter(|joint| joints[*joint].kind != JointKind::Fixed).collect();
+        Ok(Self { links, joints, root, order, moving, above: joint_above })
     }
 
     /// All links, in the order of the URDF.
@@ -223,13 +207,8 @@ impl KinematicTree {
     pub fn angles_from(&self, named: &BTreeMap<String, f64>) -> Result<Vec<f64>, AnglesError> {
         let mut angles = vec![0.0; self.moving.len()];
         for (name, angle) in named {
-            let slot = self
-                .moving
-                .iter()
-                .position(|joint| self.joints[*joint].name == *name);
-            let slot = slot.ok_or_else(|| AnglesError::UnknownJoint {
-                joint: name.clone(),
-            })?;
+            let slot = self.moving.iter().position(|joint| self.joints[*joint].name == *name);
+            let slot = slot.ok_or_else(|| AnglesError::UnknownJoint { joint: name.clone() })?;
             angles[slot] = *angle;
         }
         self.check_angles(&angles)?;
@@ -260,26 +239,17 @@ impl KinematicTree {
     /// As [`KinematicTree::body_from_links`].
     pub fn mass_properties(&self, angles: &[f64]) -> Result<MassProperties, AnglesError> {
         let poses = self.body_from_links(angles)?;
-        let parts: Vec<MassProperties> = self
-            .links
-            .iter()
-            .zip(&poses)
-            .map(|(link, pose)| link.mass.in_frame(pose))
-            .collect();
+        let parts: Vec<MassProperties> =
+            self.links.iter().zip(&poses).map(|(link, pose)| link.mass.in_frame(pose)).collect();
         Ok(MassProperties::combined(&parts))
     }
 
     fn check_angles(&self, angles: &[f64]) -> Result<(), AnglesError> {
         if angles.len() != self.moving.len() {
-            return Err(AnglesError::Count {
-                given: angles.len(),
-                expected: self.moving.len(),
-            });
+            return Err(AnglesError::Count { given: angles.len(), expected: self.moving.len() });
         }
         match angles.iter().position(|angle| !angle.is_finite()) {
-            Some(slot) => Err(AnglesError::NotFinite {
-                joint: self.joints[self.moving[slot]].name.clone(),
-            }),
+            Some(slot) => Err(AnglesError::NotFinite { joint: self.joints[self.moving[slot]].name.clone() }),
             None => Ok(()),
         }
     }
@@ -290,29 +260,22 @@ impl Joint {
     pub fn parent_from_child(&self, q: f64) -> Isometry3<f64> {
         let motion = match self.kind {
             JointKind::Fixed => return self.parent_from_joint,
-            JointKind::Revolute | JointKind::Continuous => Isometry3::from_parts(
-                Translation3::identity(),
-                UnitQuaternion::from_axis_angle(&self.axis, q),
-            ),
-            JointKind::Prismatic => Isometry3::from_parts(
-                Translation3::from(self.axis.scale(q)),
-                UnitQuaternion::identity(),
-            ),
+            JointKind::Revolute | JointKind::Continuous => {
+                Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&self.axis, q))
+            }
+            JointKind::Prismatic => {
+                Isometry3::from_parts(Translation3::from(self.axis.scale(q)), UnitQuaternion::identity())
+            }
         };
         self.parent_from_joint * motion
     }
 }
 
-fn refuse_duplicates<'a>(
-    kind: &str,
-    names: impl Iterator<Item = &'a str>,
-) -> Result<(), ModelError> {
+fn refuse_duplicates<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), ModelError> {
     let mut names: Vec<&str> = names.collect();
     names.sort_unstable();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(ModelError::DuplicateName {
-            element: format!("{kind} `{}`", pair[0]),
-        }),
+        Some(pair) => Err(ModelError::DuplicateName { element: format!("{kind} `{}`", pair[0]) }),
         None => Ok(()),
     }
 }
@@ -323,11 +286,7 @@ mod tests {
     use nalgebra::Point3;
 
     fn link(name: &str) -> Link {
-        Link {
-            name: name.into(),
-            mass: MassProperties::zero(),
-            shapes: Vec::new(),
-        }
+        Link { name: name.into(), mass: MassProperties::zero(), shapes: Vec::new() }
     }
 
     fn joint(name: &str, kind: JointKind, parent: usize, child: usize) -> Joint {
@@ -348,72 +307,30 @@ mod tests {
     #[test]
     fn an_elbow_turned_by_a_right_angle() {
         let links = vec![link("a"), link("b"), link("c")];
-        let joints = vec![
-            joint("ab", JointKind::Revolute, 0, 1),
-            joint("bc", JointKind::Prismatic, 1, 2),
-        ];
+        let joints = vec![joint("ab", JointKind::Revolute, 0, 1), joint("bc", JointKind::Prismatic, 1, 2)];
         let tree = KinematicTree::new(links, joints).expect("a chain");
-        let poses = tree
-            .body_from_links(&[std::f64::consts::FRAC_PI_2, 0.5])
-            .expect("two angles");
+        let poses = tree.body_from_links(&[std::f64::consts::FRAC_PI_2, 0.5]).expect("two angles");
         assert!((poses[2] * Point3::origin() - Point3::new(1.0, 1.0, 0.5)).norm() < 1e-12);
-        assert_eq!(
-            tree.body_from_links(&[0.0]),
-            Err(AnglesError::Count {
-                given: 1,
-                expected: 2
-            })
-        );
-        assert_eq!(
-            tree.body_from_links(&[0.0, f64::NAN]),
-            Err(AnglesError::NotFinite { joint: "bc".into() })
-        );
+        assert_eq!(tree.body_from_links(&[0.0]), Err(AnglesError::Count { given: 1, expected: 2 }));
+        assert_eq!(tree.body_from_links(&[0.0, f64::NAN]), Err(AnglesError::NotFinite { joint: "bc".into() }));
     }
 
     #[test]
     fn what_is_not_a_tree_is_refused() {
         let check = |links: &[&str], joints: &[(&str, usize, usize)], expected: ModelError| {
             let links = links.iter().map(|name| link(name)).collect();
-            let joints = joints
-                .iter()
-                .map(|(name, a, b)| joint(name, JointKind::Fixed, *a, *b))
-                .collect();
+            let joints = joints.iter().map(|(name, a, b)| joint(name, JointKind::Fixed, *a, *b)).collect();
             assert_eq!(KinematicTree::new(links, joints), Err(expected));
         };
         check(&[], &[], ModelError::NoLinks);
-        check(
-            &["a", "b"],
-            &[],
-            ModelError::SeveralRoots {
-                first: "a".into(),
-                second: "b".into(),
-            },
-        );
-        check(
-            &["a", "a"],
-            &[("j", 0, 1)],
-            ModelError::DuplicateName {
-                element: "link `a`".into(),
-            },
-        );
-        check(
-            &["a", "b"],
-            &[("j", 0, 1), ("k", 1, 0)],
-            ModelError::Cycle { link: "a".into() },
-        );
-        check(
-            &["a", "b", "c"],
-            &[("j", 1, 2), ("k", 2, 1)],
-            ModelError::Cycle { link: "b".into() },
-        );
+        check(&["a", "b"], &[], ModelError::SeveralRoots { first: "a".into(), second: "b".into() });
+        check(&["a", "a"], &[("j", 0, 1)], ModelError::DuplicateName { element: "link `a`".into() });
+        check(&["a", "b"], &[("j", 0, 1), ("k", 1, 0)], ModelError::Cycle { link: "a".into() });
+        check(&["a", "b", "c"], &[("j", 1, 2), ("k", 2, 1)], ModelError::Cycle { link: "b".into() });
         check(
             &["a", "b"],
             &[("j", 0, 1), ("k", 0, 1)],
-            ModelError::TwoParents {
-                link: "b".into(),
-                first: "j".into(),
-                second: "k".into(),
-            },
+            ModelError::TwoParents { link: "b".into(), first: "j".into(), second: "k".into() },
         );
     }
 }

@@ -22,21 +22,9 @@ pub type MeshReader<'a> = &'a dyn Fn(&str) -> Option<Vec<u8>>;
 pub fn read(text: &str, read_mesh: MeshReader<'_>) -> Result<(String, KinematicTree), ModelError> {
     let cleaned = sanitise(text)?;
     let robot = decode(&cleaned)?;
-    let links = robot
-        .links
-        .iter()
-        .map(|link| read_link(link, read_mesh))
-        .collect::<Result<Vec<_>, _>>()?;
-    let index: BTreeMap<&str, usize> = links
-        .iter()
-        .enumerate()
-        .map(|(i, link)| (link.name.as_str(), i))
-        .collect();
-    let joints = robot
-        .joints
-        .iter()
-        .map(|joint| read_joint(joint, &index))
-        .collect::<Result<Vec<_>, _>>()?;
+    let links = robot.links.iter().map(|link| read_link(link, read_mesh)).collect::<Result<Vec<_>, _>>()?;
+    let index: BTreeMap<&str, usize> = links.iter().enumerate().map(|(i, link)| (link.name.as_str(), i)).collect();
+    let joints = robot.joints.iter().map(|joint| read_joint(joint, &index)).collect::<Result<Vec<_>, _>>()?;
     Ok((robot.name, KinematicTree::new(links, joints)?))
 }
 
@@ -65,23 +53,11 @@ fn decode(cleaned: &Element) -> Result<urdf_rs::Robot, ModelError> {
         let mut xml = String::new();
         alone.write(&mut xml);
         if let Err(error) = urdf_rs::read_from_string(&xml) {
-            let element = format!(
-                "{} `{}`",
-                child.name,
-                child.attribute("name").unwrap_or("without a name")
-            );
-            return Err(ModelError::UnreadableElement {
-                element,
-                line: child.line,
-                detail: error.to_string(),
-            });
+            let element = format!("{} `{}`", child.name, child.attribute("name").unwrap_or("without a name"));
+            return Err(ModelError::UnreadableElement { element, line: child.line, detail: error.to_string() });
         }
     }
-    Err(ModelError::UnreadableElement {
-        element: "robot".into(),
-        line: cleaned.line,
-        detail: whole.to_string(),
-    })
+    Err(ModelError::UnreadableElement { element: "robot".into(), line: cleaned.line, detail: whole.to_string() })
 }
 
 fn read_link(link: &urdf_rs::Link, read_mesh: MeshReader<'_>) -> Result<Link, ModelError> {
@@ -97,38 +73,19 @@ fn read_link(link: &urdf_rs::Link, read_mesh: MeshReader<'_>) -> Result<Link, Mo
         inertia.iyz,
         inertia.izz,
     );
-    let not_finite = || ModelError::NotFinite {
-        element: format!("link `{}`", link.name),
-    };
-    let own = MassProperties {
-        mass_kg: link.inertial.mass.value,
-        center_of_mass: Point3::origin(),
-        inertia,
-    };
+    let not_finite = || ModelError::NotFinite { element: format!("link `{}`", link.name) };
+    let own = MassProperties { mass_kg: link.inertial.mass.value, center_of_mass: Point3::origin(), inertia };
     own.check().map_err(|fault| match fault {
         InertiaFault::NotFinite => not_finite(),
-        fault => ModelError::Inertia {
-            link: link.name.clone(),
-            fault,
-        },
+        fault => ModelError::Inertia { link: link.name.clone(), fault },
     })?;
     let link_from_inertial = read_pose(&link.inertial.origin).ok_or_else(not_finite)?;
     let mut shapes = Vec::new();
     for collision in &link.collision {
         let pose = read_pose(&collision.origin).ok_or_else(not_finite)?;
-        read_geometry(
-            &link.name,
-            pose,
-            &collision.geometry,
-            read_mesh,
-            &mut shapes,
-        )?;
+        read_geometry(&link.name, pose, &collision.geometry, read_mesh, &mut shapes)?;
     }
-    Ok(Link {
-        name: link.name.clone(),
-        mass: own.in_frame(&link_from_inertial),
-        shapes,
-    })
+    Ok(Link { name: link.name.clone(), mass: own.in_frame(&link_from_inertial), shapes })
 }
 
 fn read_geometry(
@@ -142,46 +99,23 @@ fn read_geometry(
         if sizes.iter().all(|size| size.is_finite() && *size > 0.0) {
             Ok(())
         } else {
-            Err(ModelError::BadShape {
-                link: link.to_owned(),
-                shape,
-            })
+            Err(ModelError::BadShape { link: link.to_owned(), shape })
         }
     };
     match geometry {
         urdf_rs::Geometry::Box { size } => {
             positive("box", &size.0)?;
-            shapes.push((
-                pose,
-                Geometry::Box {
-                    half: Vector3::from(size.0) / 2.0,
-                },
-            ));
+            shapes.push((pose, Geometry::Box { half: Vector3::from(size.0) / 2.0 }));
         }
         urdf_rs::Geometry::Cylinder { radius, length } => {
             positive("cylinder", &[*radius, *length])?;
-            shapes.push((
-                pose,
-                Geometry::Cylinder {
-                    radius: *radius,
-                    half_length: length / 2.0,
-                },
-            ));
+            shapes.push((pose, Geometry::Cylinder { radius: *radius, half_length: length / 2.0 }));
         }
         urdf_rs::Geometry::Capsule { radius, length } => {
             positive("capsule", &[*radius, *length])?;
-            shapes.push((
-                pose,
-                Geometry::Cylinder {
-                    radius: *radius,
-                    half_length: length / 2.0,
-                },
-            ));
+            shapes.push((pose, Geometry::Cylinder { radius: *radius, half_length: length / 2.0 }));
             for end in [-length / 2.0, length / 2.0] {
-                shapes.push((
-                    pose * Translation3::new(0.0, 0.0, end),
-                    Geometry::Sphere { radius: *radius },
-                ));
+                shapes.push((pose * Translation3::new(0.0, 0.0, end), Geometry::Sphere { radius: *radius }));
             }
         }
         urdf_rs::Geometry::Sphere { radius } => {
@@ -191,44 +125,27 @@ fn read_geometry(
         urdf_rs::Geometry::Mesh { filename, scale } => {
             let scale = scale.map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
             positive("mesh", &scale.abs().data.0[0])?;
-            let missing = || ModelError::MissingMesh {
+            let missing = || ModelError::MissingMesh { link: link.to_owned(), file: filename.clone() };
+            let bytes = read_mesh(filename).ok_or_else(missing)?;
+            let points = mesh::vertices(filename, &bytes, &scale).map_err(|fault| ModelError::BadMesh {
                 link: link.to_owned(),
                 file: filename.clone(),
-            };
-            let bytes = read_mesh(filename).ok_or_else(missing)?;
-            let points =
-                mesh::vertices(filename, &bytes, &scale).map_err(|fault| ModelError::BadMesh {
-                    link: link.to_owned(),
-                    file: filename.clone(),
-                    fault,
-                })?;
+                fault,
+            })?;
             shapes.push((pose, Geometry::ConvexHull(points)));
         }
     }
     Ok(())
 }
 
-fn read_joint(
-    joint: &urdf_rs::Joint,
-    link_index: &BTreeMap<&str, usize>,
-) -> Result<Joint, ModelError> {
+fn read_joint(joint: &urdf_rs::Joint, link_index: &BTreeMap<&str, usize>) -> Result<Joint, ModelError> {
     let name = &joint.name;
     let find = |link: &str| {
-        let missing = || ModelError::UnknownLink {
-            joint: name.clone(),
-            link: link.to_owned(),
-        };
+        let missing = || ModelError::UnknownLink { joint: name.clone(), link: link.to_owned() };
         link_index.get(link).copied().ok_or_else(missing)
     };
-    let not_finite = || ModelError::NotFinite {
-        element: format!("joint `{name}`"),
-    };
-    let unsupported = |kind| {
-        Err(ModelError::UnsupportedJoint {
-            joint: name.clone(),
-            kind,
-        })
-    };
+    let not_finite = || ModelError::NotFinite { element: format!("joint `{name}`") };
+    let unsupported = |kind| Err(ModelError::UnsupportedJoint { joint: name.clone(), kind });
     let kind = match joint.joint_type {
         urdf_rs::JointType::Fixed => JointKind::Fixed,
         urdf_rs::JointType::Revolute => JointKind::Revolute,
@@ -242,10 +159,7 @@ fn read_joint(
         return unsupported("mimic");
     }
     let limit = &joint.limit;
-    if [limit.lower, limit.upper, limit.effort, limit.velocity]
-        .iter()
-        .any(|v| v.is_nan())
-    {
+    if [limit.lower, limit.upper, limit.effort, limit.velocity].iter().any(|v| v.is_nan()) {
         return Err(not_finite());
     }
     let is_limited = matches!(kind, JointKind::Revolute | JointKind::Prismatic);
@@ -254,11 +168,7 @@ fn read_joint(
     if let (Some(lower), Some(upper)) = (lower, upper)
         && lower > upper
     {
-        return Err(ModelError::CrossedLimits {
-            joint: name.clone(),
-            lower,
-            upper,
-        });
+        return Err(ModelError::CrossedLimits { joint: name.clone(), lower, upper });
     }
     let is_unlimited = lower.is_none() && upper.is_none();
     let positive = |value: f64| (value > 0.0 && value < NO_LIMIT).then_some(value);
@@ -268,18 +178,12 @@ fn read_joint(
         Some(_) => return Err(not_finite()),
         None if kind == JointKind::Fixed => Vector3::x_axis(),
         None => {
-            return Err(ModelError::ZeroAxis {
-                joint: name.clone(),
-            });
+            return Err(ModelError::ZeroAxis { joint: name.clone() });
         }
     };
     Ok(Joint {
         name: name.clone(),
-        kind: if kind == JointKind::Revolute && is_unlimited {
-            JointKind::Continuous
-        } else {
-            kind
-        },
+        kind: if kind == JointKind::Revolute && is_unlimited { JointKind::Continuous } else { kind },
         parent: find(&joint.parent.link)?,
         child: find(&joint.child.link)?,
         parent_from_joint: read_pose(&joint.origin).ok_or_else(not_finite)?,
@@ -301,10 +205,7 @@ pub(crate) fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
 
 fn read_pose(origin: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
     let numbers = origin.xyz.0.iter().chain(&origin.rpy.0);
-    numbers
-        .copied()
-        .all(f64::is_finite)
-        .then(|| pose(origin.xyz.0, origin.rpy.0))
+    numbers.copied().all(f64::is_finite).then(|| pose(origin.xyz.0, origin.rpy.0))
 }
 
 #[cfg(test)]
@@ -312,8 +213,7 @@ mod tests {
     use super::*;
 
     fn refused(body: &str) -> ModelError {
-        read(&format!("<robot name='r'>\n{body}\n</robot>"), &|_| None)
-            .expect_err("must be refused")
+        read(&format!("<robot name='r'>\n{body}\n</robot>"), &|_| None).expect_err("must be refused")
     }
 
     #[test]
@@ -343,19 +243,13 @@ mod tests {
         let unreadable = refused(
             "<link name='ok'/>\n<link name='bad'><inertial><mass value='x'/><inertia ixx='1'/></inertial></link>",
         );
-        assert!(
-            unreadable
-                .to_string()
-                .starts_with("URDF line 3: link `bad` cannot be read"),
-            "{unreadable}"
-        );
+        assert!(unreadable.to_string().starts_with("URDF line 3: link `bad` cannot be read"), "{unreadable}");
     }
 
     #[test]
     fn visual_meshes_are_never_asked_for() {
         let text = "<robot name='r'><link name='a'><visual><geometry><mesh filename='x.dae'/></geometry></visual></link></robot>";
-        let (name, tree) =
-            read(text, &|file| panic!("asked for {file}")).expect("a robot of one link");
+        let (name, tree) = read(text, &|file| panic!("asked for {file}")).expect("a robot of one link");
         assert_eq!((name.as_str(), tree.links().len()), ("r", 1));
     }
 
@@ -365,10 +259,7 @@ mod tests {
             <axis xyz='0 0 2'/><limit lower='-1e16' upper='1e16' effort='0' velocity='0'/></joint></robot>";
         let (_, tree) = read(text, &|_| None).expect("a rotor");
         let joint = &tree.joints()[0];
-        assert_eq!(
-            (joint.kind, joint.lower, joint.upper, joint.max_effort),
-            (JointKind::Continuous, None, None, None)
-        );
+        assert_eq!((joint.kind, joint.lower, joint.upper, joint.max_effort), (JointKind::Continuous, None, None, None));
         assert_eq!(joint.axis, Vector3::z_axis());
     }
 }

@@ -5,9 +5,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use robot_model::envelope::placed_shapes;
 use robot_model::shape::bounds;
-use robot_model::{
-    ModelError, RobotKind, RobotModel, builtin_toml, merged_bodies, mesh_candidates,
-};
+use robot_model::{ModelError, RobotKind, RobotModel, builtin_toml, merged_bodies, mesh_candidates};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,19 +16,10 @@ const KINEMATICS_TOL: f64 = 2e-9;
 const BOUNDS_TOL_M: f64 = 2e-9;
 
 fn data() -> Option<PathBuf> {
-    let folder = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/urdf"
-    ));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/urdf"));
     // A git worktree of the repository lies one folder deeper.
-    let from_worktree = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../../shared/data/urdf"
-    ));
-    let found = [folder, from_worktree]
-        .into_iter()
-        .find(|folder| folder.is_dir())
-        .map(Path::to_path_buf);
+    let from_worktree = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/urdf"));
+    let found = [folder, from_worktree].into_iter().find(|folder| folder.is_dir()).map(Path::to_path_buf);
     if found.is_none() {
         eprintln!("skipped: {} does not exist", folder.display());
     }
@@ -46,34 +35,18 @@ fn json(folder: &Path, name: &str) -> serde_json::Map<String, Value> {
 fn load(path: &Path) -> Result<RobotModel, ModelError> {
     let urdf = std::fs::read_to_string(path).expect("a URDF");
     let folder = path.parent().expect("a folder");
-    let read_mesh = |file: &str| {
-        mesh_candidates(file, folder)
-            .iter()
-            .find_map(|candidate| std::fs::read(candidate).ok())
-    };
-    let toml = robot_model::robot_name(&urdf)
-        .and_then(|name| builtin_toml(&name))
-        .unwrap_or("");
+    let read_mesh =
+        |file: &str| mesh_candidates(file, folder).iter().find_map(|candidate| std::fs::read(candidate).ok());
+    let toml = robot_model::robot_name(&urdf).and_then(|name| builtin_toml(&name)).unwrap_or("");
     RobotModel::parse(&urdf, toml, &read_mesh)
 }
 
 fn vector(value: &Value) -> Vector3<f64> {
-    Vector3::from_iterator(
-        value
-            .as_array()
-            .expect("three numbers")
-            .iter()
-            .map(|v| v.as_f64().expect("a number")),
-    )
+    Vector3::from_iterator(value.as_array().expect("three numbers").iter().map(|v| v.as_f64().expect("a number")))
 }
 
 fn matrix(value: &Value) -> Matrix3<f64> {
-    let rows: Vec<_> = value
-        .as_array()
-        .expect("three rows")
-        .iter()
-        .map(|row| vector(row).transpose())
-        .collect();
+    let rows: Vec<_> = value.as_array().expect("three rows").iter().map(|row| vector(row).transpose()).collect();
     Matrix3::from_rows(&rows)
 }
 
@@ -82,8 +55,7 @@ fn kinematics_and_inertia_agree_with_pinocchio() {
     let Some(folder) = data() else { return };
     let mut configurations = 0;
     for (robot, golden) in json(&folder, "golden_kinematics.json") {
-        let model =
-            load(&folder.join(golden["urdf"].as_str().expect("a path"))).expect("a sound robot");
+        let model = load(&folder.join(golden["urdf"].as_str().expect("a path"))).expect("a sound robot");
         assert_eq!(
             model.tree.moving_joints().len() as u64,
             golden["n_moving_joints"].as_u64().expect("a count"),
@@ -106,19 +78,12 @@ fn kinematics_and_inertia_agree_with_pinocchio() {
             for (link, expected) in config["frames"].as_object().expect("frames") {
                 let found = frames[link];
                 let shift = (found.translation.vector - vector(&expected["p"])).amax();
-                let turn =
-                    (found.rotation.to_rotation_matrix().matrix() - matrix(&expected["R"])).amax();
-                assert!(
-                    shift < KINEMATICS_TOL && turn < KINEMATICS_TOL,
-                    "{robot} {name} {link}: {shift} {turn}"
-                );
+                let turn = (found.rotation.to_rotation_matrix().matrix() - matrix(&expected["R"])).amax();
+                assert!(shift < KINEMATICS_TOL && turn < KINEMATICS_TOL, "{robot} {name} {link}: {shift} {turn}");
             }
             let list = model.tree.angles_from(&angles).expect("known joints");
             let mass = model.tree.mass_properties(&list).expect("finite angles");
-            assert!(
-                (mass.center_of_mass.coords - vector(&config["com"])).amax() < KINEMATICS_TOL,
-                "{robot} {name}"
-            );
+            assert!((mass.center_of_mass.coords - vector(&config["com"])).amax() < KINEMATICS_TOL, "{robot} {name}");
             assert!(
                 (mass.inertia - matrix(&config["inertia_com"])).amax() < KINEMATICS_TOL,
                 "{robot} {name}: {}",
@@ -134,10 +99,7 @@ fn kinematics_and_inertia_agree_with_pinocchio() {
             configurations += 1;
         }
     }
-    assert!(
-        configurations >= 40,
-        "only {configurations} configurations compared"
-    );
+    assert!(configurations >= 40, "only {configurations} configurations compared");
 }
 
 #[test]
@@ -154,34 +116,16 @@ fn collision_bounds_agree_in_the_stance() {
             }
             Err(error) => panic!("{robot}: {error}"),
         };
-        let poses = model
-            .tree
-            .body_from_links(&model.stance)
-            .expect("the stance");
+        let poses = model.tree.body_from_links(&model.stance).expect("the stance");
         let shapes = placed_shapes(&model.tree, &poses);
-        assert_eq!(
-            shapes.len() as u64,
-            golden["n_collision_shapes"].as_u64().expect("a count"),
-            "{robot}"
-        );
+        assert_eq!(shapes.len() as u64, golden["n_collision_shapes"].as_u64().expect("a count"), "{robot}");
         let (low, high) = bounds(&shapes).expect("shapes");
-        assert!(
-            (low - Point3::from(vector(&golden["aabb_min"]))).amax() < BOUNDS_TOL_M,
-            "{robot}: {low}"
-        );
-        assert!(
-            (high - Point3::from(vector(&golden["aabb_max"]))).amax() < BOUNDS_TOL_M,
-            "{robot}: {high}"
-        );
+        assert!((low - Point3::from(vector(&golden["aabb_min"]))).amax() < BOUNDS_TOL_M, "{robot}: {low}");
+        assert!((high - Point3::from(vector(&golden["aabb_max"]))).amax() < BOUNDS_TOL_M, "{robot}: {high}");
         if model.kind == RobotKind::Ground {
             // Nothing is swept and the payload stands on the trunk: the footprint has the same bounds.
-            let reach = |d: Vector3<f64>| {
-                model
-                    .footprint
-                    .iter()
-                    .map(|p| p.coords.dot(&d.xy()))
-                    .fold(f64::MIN, f64::max)
-            };
+            let reach =
+                |d: Vector3<f64>| model.footprint.iter().map(|p| p.coords.dot(&d.xy())).fold(f64::MIN, f64::max);
             assert!(
                 (reach(Vector3::x()) - high.x).abs() < BOUNDS_TOL_M
                     && (reach(-Vector3::x()) + low.x).abs() < BOUNDS_TOL_M
@@ -205,32 +149,17 @@ fn every_official_file_loads_or_says_why() {
         ("unitree_ros/go1_description/urdf/go1.urdf", ""),
         ("unitree_ros/a1_description/urdf/a1.urdf", ""),
         ("unitree_ros/b2_description/urdf/b2_description.urdf", ""),
-        (
-            "example-robot-data/robots/go2_description/urdf/go2.urdf",
-            "",
-        ),
-        (
-            "example-robot-data/robots/go1_description/urdf/go1.urdf",
-            "",
-        ),
+        ("example-robot-data/robots/go2_description/urdf/go2.urdf", ""),
+        ("example-robot-data/robots/go1_description/urdf/go1.urdf", ""),
         ("example-robot-data/robots/a1_description/urdf/a1.urdf", ""),
-        (
-            "example-robot-data/robots/iris_description/robots/iris.urdf",
-            "",
-        ),
-        (
-            "example-robot-data/robots/iris_description/robots/iris_simple.urdf",
-            "",
-        ),
+        ("example-robot-data/robots/iris_description/robots/iris.urdf", ""),
+        ("example-robot-data/robots/iris_description/robots/iris_simple.urdf", ""),
         ("x500/x500.urdf", ""),
         (
             "example-robot-data/robots/hector_description/robots/quadrotor_base.urdf",
             "the TOML of robot `hector` lacks kind, limits.max_speed_mps",
         ),
-        (
-            "gym-pybullet-drones/cf2x.urdf",
-            "the TOML of robot `cf2` lacks kind, limits.max_speed_mps",
-        ),
+        ("gym-pybullet-drones/cf2x.urdf", "the TOML of robot `cf2` lacks kind, limits.max_speed_mps"),
         (
             "unitree_ros/go2w_description/urdf/go2w_description.urdf",
             "link `FL_foot`: collision mesh `package://go2w_description",
@@ -239,10 +168,7 @@ fn every_official_file_loads_or_says_why() {
     for (file, refusal) in files {
         match load(&folder.join(file)) {
             Ok(model) => assert!(refusal.is_empty() && model.mass_kg > 1.0, "{file}"),
-            Err(error) => assert!(
-                !refusal.is_empty() && error.to_string().starts_with(refusal),
-                "{file}: {error}"
-            ),
+            Err(error) => assert!(!refusal.is_empty() && error.to_string().starts_with(refusal), "{file}: {error}"),
         }
     }
 }
@@ -258,43 +184,22 @@ fn a_change_of_robot_changes_footprint_speed_and_sensors() {
         "x500/x500.urdf",
         "example-robot-data/robots/iris_description/robots/iris.urdf",
     ];
-    let models: Vec<RobotModel> = names
-        .iter()
-        .map(|name| load(&folder.join(name)).expect("a sound robot"))
-        .collect();
+    let models: Vec<RobotModel> = names.iter().map(|name| load(&folder.join(name)).expect("a sound robot")).collect();
     for (i, a) in models.iter().enumerate() {
         for b in &models[..i] {
             let sides = |model: &RobotModel| {
-                let reach = |d: Vector3<f64>| {
-                    model
-                        .footprint
-                        .iter()
-                        .map(|p| p.coords.dot(&d.xy()))
-                        .fold(f64::MIN, f64::max)
-                };
+                let reach =
+                    |d: Vector3<f64>| model.footprint.iter().map(|p| p.coords.dot(&d.xy())).fold(f64::MIN, f64::max);
                 [reach(Vector3::x()), reach(Vector3::y())]
             };
-            let change = sides(a)
-                .iter()
-                .zip(sides(b))
-                .map(|(a, b)| (a - b).abs())
-                .fold(0.0, f64::max);
-            assert!(
-                change > 0.01,
-                "{} and {} have footprints that differ by {change} m only",
-                a.name,
-                b.name
-            );
+            let change = sides(a).iter().zip(sides(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(change > 0.01, "{} and {} have footprints that differ by {change} m only", a.name, b.name);
             assert_ne!(a.footprint, b.footprint);
             assert_ne!(a.sensors.body_from_camera, b.sensors.body_from_camera);
             assert!(a.kind != b.kind || a.limits.max_speed_mps != b.limits.max_speed_mps);
         }
         let camera = a.sensors.body_from_camera.translation.vector.z;
-        assert!(
-            camera > 0.15 && camera < a.height_span_m.1,
-            "{}: the camera is part of the robot's height",
-            a.name
-        );
+        assert!(camera > 0.15 && camera < a.height_span_m.1, "{}: the camera is part of the robot's height", a.name);
         eprintln!(
             "{:16} {:6.2} kg  r {:.3}/{:.3} m  z {:+.3}..{:+.3}  v {} m/s  camera z {:.2}",
             a.name,
@@ -312,8 +217,7 @@ fn a_change_of_robot_changes_footprint_speed_and_sensors() {
 #[test]
 fn merging_fixed_links_is_exact() {
     let Some(folder) = data() else { return };
-    let model =
-        load(&folder.join("unitree_ros/go1_description/urdf/go1.urdf")).expect("a sound robot");
+    let model = load(&folder.join("unitree_ros/go1_description/urdf/go1.urdf")).expect("a sound robot");
     let bodies = merged_bodies(&model.tree);
     assert_eq!((model.tree.links().len(), bodies.len()), (46, 13));
     let total: f64 = bodies.iter().map(|body| body.mass.mass_kg).sum();

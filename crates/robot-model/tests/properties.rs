@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3
 use proptest::prelude::*;
 use robot_model::envelope::{convex_hull, envelope};
 use robot_model::{
-    CollisionShape, Geometry, Joint, JointKind, KinematicTree, Link, MassProperties, RobotModel,
-    merged_bodies, quadrotor_texts, quadruped_texts,
+    CollisionShape, Geometry, Joint, JointKind, KinematicTree, Link, MassProperties, RobotModel, merged_bodies,
+    quadrotor_texts, quadruped_texts,
 };
 use std::sync::LazyLock;
 
@@ -16,39 +16,21 @@ static QUADRUPED: LazyLock<RobotModel> = LazyLock::new(RobotModel::builtin_quadr
 const TOL: f64 = 1e-10;
 
 fn pose() -> impl Strategy<Value = Isometry3<f64>> {
-    let angle = prop_oneof![
-        Just(0.0),
-        Just(std::f64::consts::FRAC_PI_2),
-        Just(std::f64::consts::PI),
-        -3.2..3.2f64
-    ];
+    let angle = prop_oneof![Just(0.0), Just(std::f64::consts::FRAC_PI_2), Just(std::f64::consts::PI), -3.2..3.2f64];
     let position = prop_oneof![Just(0.0), -2.0..2.0f64];
-    (
-        [position.clone(), position.clone(), position],
-        [angle.clone(), angle.clone(), angle],
-    )
-        .prop_map(|(p, a)| {
-            Isometry3::from_parts(
-                Translation3::new(p[0], p[1], p[2]),
-                UnitQuaternion::from_euler_angles(a[0], a[1], a[2]),
-            )
-        })
+    ([position.clone(), position.clone(), position], [angle.clone(), angle.clone(), angle]).prop_map(|(p, a)| {
+        Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), UnitQuaternion::from_euler_angles(a[0], a[1], a[2]))
+    })
 }
 
 fn geometry() -> impl Strategy<Value = Geometry> {
     let size = || 0.01..1.0f64;
     prop_oneof![
-        [size(), size(), size()].prop_map(|half| Geometry::Box {
-            half: Vector3::from(half)
-        }),
-        [size(), size()].prop_map(|[radius, half_length]| Geometry::Cylinder {
-            radius,
-            half_length
-        }),
+        [size(), size(), size()].prop_map(|half| Geometry::Box { half: Vector3::from(half) }),
+        [size(), size()].prop_map(|[radius, half_length]| Geometry::Cylinder { radius, half_length }),
         size().prop_map(|radius| Geometry::Sphere { radius }),
-        prop::collection::vec([-1.0..1.0f64, -1.0..1.0, -1.0..1.0], 4..12).prop_map(|points| {
-            Geometry::ConvexHull(points.into_iter().map(Point3::from).collect())
-        }),
+        prop::collection::vec([-1.0..1.0f64, -1.0..1.0, -1.0..1.0], 4..12)
+            .prop_map(|points| { Geometry::ConvexHull(points.into_iter().map(Point3::from).collect()) }),
     ]
 }
 
@@ -56,25 +38,19 @@ fn geometry() -> impl Strategy<Value = Geometry> {
 fn point_in(geometry: &Geometry, [a, b, c]: [f64; 3]) -> Point3<f64> {
     let angle = a * std::f64::consts::TAU;
     match geometry {
-        Geometry::Box { half } => Point3::from(
-            Vector3::new(2.0 * a - 1.0, 2.0 * b - 1.0, 2.0 * c - 1.0).component_mul(half),
-        ),
-        Geometry::Cylinder {
-            radius,
-            half_length,
-        } => Point3::new(
-            radius * b * angle.cos(),
-            radius * b * angle.sin(),
-            half_length * (2.0 * c - 1.0),
-        ),
+        Geometry::Box { half } => {
+            Point3::from(Vector3::new(2.0 * a - 1.0, 2.0 * b - 1.0, 2.0 * c - 1.0).component_mul(half))
+        }
+        Geometry::Cylinder { radius, half_length } => {
+            Point3::new(radius * b * angle.cos(), radius * b * angle.sin(), half_length * (2.0 * c - 1.0))
+        }
         Geometry::Sphere { radius } => {
             let z = 2.0 * b - 1.0;
             let ring = (1.0 - z * z).sqrt();
             Point3::from(Vector3::new(ring * angle.cos(), ring * angle.sin(), z) * (radius * c))
         }
         Geometry::ConvexHull(points) => {
-            let pick =
-                |t: f64| points[((t * points.len() as f64) as usize).min(points.len() - 1)].coords;
+            let pick = |t: f64| points[((t * points.len() as f64) as usize).min(points.len() - 1)].coords;
             Point3::from(pick(a) * c + pick(b) * (1.0 - c))
         }
     }
@@ -82,19 +58,13 @@ fn point_in(geometry: &Geometry, [a, b, c]: [f64; 3]) -> Point3<f64> {
 
 /// Mass properties of a few point masses: always possible ones.
 fn mass() -> impl Strategy<Value = MassProperties> {
-    prop::collection::vec((0.0..5.0f64, [-1.0..1.0f64, -1.0..1.0, -1.0..1.0]), 0..4).prop_map(
-        |points| {
-            let parts: Vec<MassProperties> = points
-                .into_iter()
-                .map(|(mass_kg, p)| MassProperties {
-                    mass_kg,
-                    center_of_mass: Point3::from(p),
-                    inertia: Matrix3::zeros(),
-                })
-                .collect();
-            MassProperties::combined(&parts)
-        },
-    )
+    prop::collection::vec((0.0..5.0f64, [-1.0..1.0f64, -1.0..1.0, -1.0..1.0]), 0..4).prop_map(|points| {
+        let parts: Vec<MassProperties> = points
+            .into_iter()
+            .map(|(mass_kg, p)| MassProperties { mass_kg, center_of_mass: Point3::from(p), inertia: Matrix3::zeros() })
+            .collect();
+        MassProperties::combined(&parts)
+    })
 }
 
 /// A random tree: link `i + 1` hangs on a link before it.
@@ -102,26 +72,12 @@ fn tree() -> impl Strategy<Value = KinematicTree> {
     let kind = prop_oneof![
         2 => Just(JointKind::Fixed), 1 => Just(JointKind::Revolute), 1 => Just(JointKind::Continuous), 1 => Just(JointKind::Prismatic)
     ];
-    let below = prop::collection::vec(
-        (
-            any::<prop::sample::Index>(),
-            kind,
-            pose(),
-            0..3usize,
-            mass(),
-        ),
-        0..8,
-    );
+    let below = prop::collection::vec((any::<prop::sample::Index>(), kind, pose(), 0..3usize, mass()), 0..8);
     (mass(), below).prop_map(|(root_mass, below)| {
-        let link = |index: usize, mass| Link {
-            name: format!("link{index}"),
-            mass,
-            shapes: Vec::new(),
-        };
+        let link = |index: usize, mass| Link { name: format!("link{index}"), mass, shapes: Vec::new() };
         let mut links = vec![link(0, root_mass)];
         let mut joints = Vec::new();
-        for (index, (parent, kind, parent_from_joint, axis, mass)) in below.into_iter().enumerate()
-        {
+        for (index, (parent, kind, parent_from_joint, axis, mass)) in below.into_iter().enumerate() {
             links.push(link(index + 1, mass));
             joints.push(Joint {
                 name: format!("joint{index}"),
@@ -334,32 +290,27 @@ mod hostile_text {
             Just("[[rotors]]\n"),
             Just("=")
         ];
-        prop::collection::vec((any::<prop::sample::Index>(), 0..30usize, piece), 1..4).prop_map(
-            move |edits| {
-                let mut text = text.to_owned();
-                for (at, cut, piece) in edits {
-                    let mut start = at.index(text.len() + 1);
-                    while !text.is_char_boundary(start) {
-                        start -= 1;
-                    }
-                    let mut end = (start + cut).min(text.len());
-                    while !text.is_char_boundary(end) {
-                        end += 1;
-                    }
-                    text.replace_range(start..end, piece);
+        prop::collection::vec((any::<prop::sample::Index>(), 0..30usize, piece), 1..4).prop_map(move |edits| {
+            let mut text = text.to_owned();
+            for (at, cut, piece) in edits {
+                let mut start = at.index(text.len() + 1);
+                while !text.is_char_boundary(start) {
+                    start -= 1;
                 }
-                text
-            },
-        )
+                let mut end = (start + cut).min(text.len());
+                while !text.is_char_boundary(end) {
+                    end += 1;
+                }
+                text.replace_range(start..end, piece);
+            }
+            text
+        })
     }
 
     fn is_finite(robot: &RobotModel) -> bool {
         robot.mass_kg > 0.0
             && robot.inertia.iter().all(|v| v.is_finite())
-            && robot
-                .footprint
-                .iter()
-                .all(|p| p.coords.iter().all(|v| v.is_finite()))
+            && robot.footprint.iter().all(|p| p.coords.iter().all(|v| v.is_finite()))
             && robot.circumscribed_radius_m.is_finite()
     }
 
@@ -395,19 +346,13 @@ mod hostile_text {
 
     #[test]
     fn deep_nesting_and_entity_bombs_do_no_harm() {
-        let deep = format!(
-            "<robot name='r'>{}{}</robot>",
-            "<a>".repeat(100_000),
-            "</a>".repeat(100_000)
-        );
+        let deep = format!("<robot name='r'>{}{}</robot>", "<a>".repeat(100_000), "</a>".repeat(100_000));
         assert!(RobotModel::parse(&deep, "", &|_| None).is_err());
-        let bomb = "<!DOCTYPE r [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;'>]><robot name='&b;'><link name='&b;'/></robot>";
+        let bomb =
+            "<!DOCTYPE r [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;'>]><robot name='&b;'><link name='&b;'/></robot>";
         assert!(RobotModel::parse(bomb, "", &|_| None).is_err());
         let huge = " ".repeat(17 << 20);
-        assert!(matches!(
-            RobotModel::parse(&huge, "", &|_| None),
-            Err(robot_model::ModelError::TooLarge { .. })
-        ));
+        assert!(matches!(RobotModel::parse(&huge, "", &|_| None), Err(robot_model::ModelError::TooLarge { .. })));
     }
 
     /// A chain of links as long as a file may be is walked without recursion.
@@ -423,9 +368,6 @@ mod hostile_text {
             );
         }
         let urdf = format!("<robot name='chain'>{body}</robot>");
-        assert!(matches!(
-            RobotModel::parse(&urdf, "", &|_| None),
-            Err(robot_model::ModelError::MissingKeys { .. })
-        ));
+        assert!(matches!(RobotModel::parse(&urdf, "", &|_| None), Err(robot_model::ModelError::MissingKeys { .. })));
     }
 }

@@ -26,18 +26,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     // 2. Clearance by brute force (volumetric-map has the fast one): distance to the nearest wall cell.
-    let walls: Vec<(i32, i32)> = (0..is_free.len())
-        .filter(|&i| !is_free[i])
-        .map(|i| ((i % width) as i32, (i / width) as i32))
-        .collect();
+    let walls: Vec<(i32, i32)> =
+        (0..is_free.len()).filter(|&i| !is_free[i]).map(|i| ((i % width) as i32, (i / width) as i32)).collect();
     let clearance: Vec<f32> = (0..is_free.len())
         .map(|i| {
             let (x, y) = ((i % width) as i32, (i / width) as i32);
-            let square = walls
-                .iter()
-                .map(|w| (w.0 - x).pow(2) + (w.1 - y).pow(2))
-                .min()
-                .unwrap_or(0);
+            let square = walls.iter().map(|w| (w.0 - x).pow(2) + (w.1 - y).pow(2)).min().unwrap_or(0);
             CELL_M * (square as f32).sqrt()
         })
         .collect();
@@ -49,21 +43,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rooms = pinch(&graph, &areas, &PinchConfig::default())?;
     let building = best_ms(|| assert!(!grid_graph(&clearance, width).1.is_empty()));
     let pinching = best_ms(|| assert!(pinch(&graph, &areas, &PinchConfig::default()).is_ok()));
-    println!(
-        "{} pixels: graph {building:.1} ms, pinch {pinching:.1} ms",
-        cell_of.len()
-    );
+    println!("{} pixels: graph {building:.1} ms, pinch {pinching:.1} ms", cell_of.len());
     for (index, room) in rooms.parts.iter().enumerate() {
-        println!(
-            "  room {index:2}: {:5.1} m2, widest circle {:.2} m",
-            room.area, room.peak_value
-        );
+        println!("  room {index:2}: {:5.1} m2, widest circle {:.2} m", room.area, room.peak_value);
     }
     assert_eq!(rooms.parts.len(), ROWS * COLUMNS);
-    assert_eq!(
-        rooms.borders.len(),
-        ROWS * (COLUMNS - 1) + COLUMNS * (ROWS - 1)
-    );
+    assert_eq!(rooms.borders.len(), ROWS * (COLUMNS - 1) + COLUMNS * (ROWS - 1));
     Ok(())
 }
 
@@ -86,11 +71,7 @@ fn best_ms(mut work: impl FnMut()) -> f64 {
 fn cpu_time() -> Duration {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    match stat
-        .split_whitespace()
-        .next()
-        .and_then(|ns| ns.parse().ok())
-    {
+    match stat.split_whitespace().next().and_then(|ns| ns.parse().ok()) {
         Some(ns) => Duration::from_nanos(ns),
         None => START.get_or_init(Instant::now).elapsed(),
     }

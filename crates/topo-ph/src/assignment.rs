@@ -17,8 +17,7 @@ pub(crate) fn assign(cost: &[f64], n: usize) -> Vec<usize> {
             let from = row_of[column];
             let (mut next, mut step) = (n, f64::INFINITY);
             for candidate in (0..n).filter(|&c| !is_done[c]) {
-                let reduced =
-                    cost[from * n + candidate] - row_potential[from] - column_potential[candidate];
+                let reduced = cost[from * n + candidate] - row_potential[from] - column_potential[candidate];
                 if reduced < shortest[candidate] {
                     shortest[candidate] = reduced;
                     came_from[candidate] = column;
@@ -57,10 +56,7 @@ mod tests {
     #[test]
     fn three_jobs_by_hand() {
         // Best: 0-1, 1-0, 2-2 = 1 + 2 + 2.
-        assert_eq!(
-            assign(&[4.0, 1.0, 3.0, 2.0, 0.0, 5.0, 3.0, 2.0, 2.0], 3),
-            [1, 0, 2]
-        );
+        assert_eq!(assign(&[4.0, 1.0, 3.0, 2.0, 0.0, 5.0, 3.0, 2.0, 2.0], 3), [1, 0, 2]);
         assert!(assign(&[], 0).is_empty());
     }
 }

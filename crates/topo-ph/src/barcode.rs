@@ -37,12 +37,7 @@ impl Bar {
 /// One bar of each connected component never dies. O(m) for the sort, O(m alpha(n)) for the unions.
 pub fn barcode(graph: &Graph) -> Vec<Bar> {
     let mut bars: Vec<Bar> = (0..graph.len() as u32)
-        .map(|v| Bar {
-            birth: graph.value(v),
-            death: None,
-            birth_vertex: v,
-            death_edge: None,
-        })
+        .map(|v| Bar { birth: graph.value(v), death: None, birth_vertex: v, death_edge: None })
         .collect();
     // A root is its component's peak, so the bar of a component is the bar of its root.
     let mut components = UnionFind::new(graph.len());
@@ -57,20 +52,13 @@ pub fn barcode(graph: &Graph) -> Vec<Bar> {
         bars[younger as usize].death = Some(graph.edge_weight(edge as usize));
         bars[younger as usize].death_edge = Some(edge);
     }
-    bars.sort_by(|a, b| {
-        b.birth
-            .total_cmp(&a.birth)
-            .then(a.birth_vertex.cmp(&b.birth_vertex))
-    });
+    bars.sort_by(|a, b| b.birth.total_cmp(&a.birth).then(a.birth_vertex.cmp(&b.birth_vertex)));
     bars
 }
 
 /// The bars of positive length, in the same order.
 pub fn nonzero(bars: &[Bar]) -> Vec<Bar> {
-    bars.iter()
-        .filter(|bar| bar.persistence() > 0.0)
-        .copied()
-        .collect()
+    bars.iter().filter(|bar| bar.persistence() > 0.0).copied().collect()
 }
 
 /// The weights at which independent cycles appear (they never die), descending: m - n + components numbers.
@@ -99,10 +87,7 @@ mod tests {
         let values = vec![2.0, 1.5, 0.4, 1.2, 1.8];
         let graph = Graph::new(values, vec![(0, 1), (1, 2), (2, 3), (3, 4)], None).expect("valid");
         let bars = nonzero(&barcode(&graph));
-        let lives: Vec<_> = bars
-            .iter()
-            .map(|bar| (bar.birth, bar.death, bar.birth_vertex))
-            .collect();
+        let lives: Vec<_> = bars.iter().map(|bar| (bar.birth, bar.death, bar.birth_vertex)).collect();
         assert_eq!(lives, [(2.0, None, 0), (1.8, Some(0.4), 4)]);
         assert!(cycle_births(&graph).is_empty());
     }
@@ -117,8 +102,7 @@ mod tests {
 
     #[test]
     fn a_ring_has_one_cycle_born_at_its_narrowest_edge() {
-        let graph =
-            Graph::new(vec![3.0, 2.0, 1.0], vec![(0, 1), (1, 2), (2, 0)], None).expect("valid");
+        let graph = Graph::new(vec![3.0, 2.0, 1.0], vec![(0, 1), (1, 2), (2, 0)], None).expect("valid");
         assert_eq!(cycle_births(&graph), [1.0]);
     }
 }

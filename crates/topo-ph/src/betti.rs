@@ -45,10 +45,7 @@ pub fn betti_curve(bars: &[Bar]) -> BettiCurve {
         }
         steps.push((level, count as u32));
     }
-    BettiCurve {
-        below: count as u32,
-        steps,
-    }
+    BettiCurve { below: count as u32, steps }
 }
 
 impl BettiCurve {
@@ -65,10 +62,7 @@ impl BettiCurve {
     pub fn intervals(&self) -> Vec<Interval> {
         let mut intervals: Vec<Interval> = Vec::with_capacity(self.steps.len());
         for (index, &(high, count)) in self.steps.iter().enumerate() {
-            let low = self
-                .steps
-                .get(index + 1)
-                .map_or(f64::NEG_INFINITY, |&(level, _)| level);
+            let low = self.steps.get(index + 1).map_or(f64::NEG_INFINITY, |&(level, _)| level);
             match intervals.last_mut() {
                 Some(last) if last.count == count => last.low = low,
                 _ => intervals.push(Interval { low, high, count }),
@@ -95,11 +89,7 @@ mod tests {
         let counts = [2.1, 2.0, 1.9, 1.8, 0.41, 0.4, -5.0].map(|t| curve.at(t));
         assert_eq!(counts, [0, 1, 1, 2, 2, 1, 1]);
         let expected = [(1.8, 2.0, 1), (0.4, 1.8, 2), (f64::NEG_INFINITY, 0.4, 1)];
-        let intervals: Vec<_> = curve
-            .intervals()
-            .iter()
-            .map(|i| (i.low, i.high, i.count))
-            .collect();
+        let intervals: Vec<_> = curve.intervals().iter().map(|i| (i.low, i.high, i.count)).collect();
         assert_eq!(intervals, expected);
         assert_eq!(curve.below_all(), 1);
         assert_eq!(betti_curve(&[]).at(0.0), 0);

@@ -15,10 +15,7 @@ pub fn bottleneck(a: &[Bar], b: &[Bar]) -> f64 {
     let essential = essential.into_iter().fold(0.0, f64::max);
     let (a, b) = (finite_points(a), finite_points(b));
     let mut candidates = vec![essential];
-    candidates.extend(
-        a.iter()
-            .flat_map(|&p| b.iter().map(move |&q| distance_max(p, q))),
-    );
+    candidates.extend(a.iter().flat_map(|&p| b.iter().map(move |&q| distance_max(p, q))));
     candidates.extend(a.iter().chain(&b).map(|&p| half_length(p)));
     candidates.retain(|&candidate| candidate >= essential);
     candidates.sort_unstable_by(f64::total_cmp);
@@ -50,9 +47,7 @@ fn half_length(p: Point) -> f64 {
 
 fn finite_points(bars: &[Bar]) -> Vec<Point> {
     let finite = bars.iter().filter(|bar| bar.persistence() > 0.0);
-    finite
-        .filter_map(|bar| bar.death.map(|death| (bar.birth, death)))
-        .collect()
+    finite.filter_map(|bar| bar.death.map(|death| (bar.birth, death))).collect()
 }
 
 fn essential_differences(a: &[Bar], b: &[Bar]) -> Option<Vec<f64>> {
@@ -67,12 +62,7 @@ fn essential_differences(a: &[Bar], b: &[Bar]) -> Option<Vec<f64>> {
 }
 
 /// Cost of the best matching on the points of both sides plus a diagonal partner for each.
-fn transport(
-    a: &[Bar],
-    b: &[Bar],
-    pair: impl Fn(Point, Point) -> f64,
-    alone: impl Fn(Point) -> f64,
-) -> f64 {
+fn transport(a: &[Bar], b: &[Bar], pair: impl Fn(Point, Point) -> f64, alone: impl Fn(Point) -> f64) -> f64 {
     let (a, b) = (finite_points(a), finite_points(b));
     let n = a.len() + b.len();
     let mut cost = vec![0.0; n * n];
@@ -86,11 +76,7 @@ fn transport(
             };
         }
     }
-    assign(&cost, n)
-        .iter()
-        .enumerate()
-        .map(|(row, &column)| cost[row * n + column])
-        .sum()
+    assign(&cost, n).iter().enumerate().map(|(row, &column)| cost[row * n + column]).sum()
 }
 
 /// Whether all points longer than 2 `limit` can be matched one to one at cost <= `limit`.
@@ -123,8 +109,7 @@ fn augment(
     let mut stack = vec![(start, 0)];
     let mut taken: Vec<usize> = Vec::new();
     while let Some((point, next)) = stack.last_mut() {
-        let candidate = (*next..to.len())
-            .find(|&q| !is_visited[q] && distance_max(from[*point], to[q]) <= limit);
+        let candidate = (*next..to.len()).find(|&q| !is_visited[q] && distance_max(from[*point], to[q]) <= limit);
         let Some(q) = candidate else {
             stack.pop();
             taken.pop();
@@ -151,12 +136,7 @@ mod tests {
     use super::*;
 
     fn bar(birth: f64, death: f64) -> Bar {
-        Bar {
-            birth,
-            death: Some(death),
-            birth_vertex: 0,
-            death_edge: None,
-        }
+        Bar { birth, death: Some(death), birth_vertex: 0, death_edge: None }
     }
 
     #[test]
@@ -166,10 +146,7 @@ mod tests {
         assert!((bottleneck(&a, &b) - 0.3).abs() < 1e-15);
         assert!((wasserstein1(&a, &b) - 0.4).abs() < 1e-15);
         assert!((wasserstein2(&a, &b) - (0.01 + 0.09 + 0.02_f64).sqrt()).abs() < 1e-15);
-        let essential = Bar {
-            death: None,
-            ..bar(1.0, 0.0)
-        };
+        let essential = Bar { death: None, ..bar(1.0, 0.0) };
         assert_eq!(bottleneck(&[essential], &[]), f64::INFINITY);
         assert_eq!(bottleneck(&[], &[]), 0.0);
     }

@@ -88,34 +88,20 @@ impl Graph {
                 return Err(GraphError::SelfLoop { edge });
             }
         }
-        let mut weights: Vec<f64> = edges
-            .iter()
-            .map(|&(u, v)| values[u as usize].min(values[v as usize]))
-            .collect();
+        let mut weights: Vec<f64> = edges.iter().map(|&(u, v)| values[u as usize].min(values[v as usize])).collect();
         let has_edge_values = edge_values.is_some();
         if let Some(limits) = edge_values {
             if limits.len() != edges.len() {
-                return Err(GraphError::EdgeValueCount {
-                    edge_values: limits.len(),
-                    edges: edges.len(),
-                });
+                return Err(GraphError::EdgeValueCount { edge_values: limits.len(), edges: edges.len() });
             }
-            if let Some(edge) = limits
-                .iter()
-                .position(|c| c.is_nan() || *c == f64::NEG_INFINITY)
-            {
+            if let Some(edge) = limits.iter().position(|c| c.is_nan() || *c == f64::NEG_INFINITY) {
                 return Err(GraphError::EdgeValue { edge });
             }
             for (weight, limit) in weights.iter_mut().zip(limits) {
                 *weight = weight.min(limit) + 0.0;
             }
         }
-        Ok(Graph {
-            values,
-            edges,
-            weights,
-            has_edge_values,
-        })
+        Ok(Graph { values, edges, weights, has_edge_values })
     }
 
     /// Number of vertices.
@@ -199,8 +185,7 @@ pub fn grid_graph(clearance: &[f32], width: usize) -> (Graph, Vec<u32>) {
             }
         }
     }
-    let graph =
-        Graph::new(values, edges, None).expect("values are finite, edges are between vertices");
+    let graph = Graph::new(values, edges, None).expect("values are finite, edges are between vertices");
     (graph, cell_of)
 }
 
@@ -210,11 +195,7 @@ mod tests {
 
     #[test]
     fn an_edge_is_as_wide_as_its_narrowest_part() {
-        let graph = Graph::new(
-            vec![2.0, 1.5, 0.4],
-            vec![(0, 1), (1, 2)],
-            Some(vec![0.7, f64::INFINITY]),
-        );
+        let graph = Graph::new(vec![2.0, 1.5, 0.4], vec![(0, 1), (1, 2)], Some(vec![0.7, f64::INFINITY]));
         assert_eq!(graph.expect("valid").edge_weights(), [0.7, 0.4]);
     }
 
@@ -223,25 +204,13 @@ mod tests {
         let check = |values: &[f64], edges: &[(u32, u32)], limits: Option<Vec<f64>>| {
             Graph::new(values.to_vec(), edges.to_vec(), limits).expect_err("refused")
         };
-        assert_eq!(
-            check(&[0.0, f64::NAN], &[], None),
-            GraphError::VertexValue { vertex: 1 }
-        );
-        let outside = GraphError::EdgeOutOfRange {
-            edge: 0,
-            vertices: 2,
-        };
+        assert_eq!(check(&[0.0, f64::NAN], &[], None), GraphError::VertexValue { vertex: 1 });
+        let outside = GraphError::EdgeOutOfRange { edge: 0, vertices: 2 };
         assert_eq!(check(&[0.0, 1.0], &[(0, 2)], None), outside);
-        assert_eq!(
-            check(&[0.0, 1.0], &[(1, 1)], None),
-            GraphError::SelfLoop { edge: 0 }
-        );
+        assert_eq!(check(&[0.0, 1.0], &[(1, 1)], None), GraphError::SelfLoop { edge: 0 });
         let nan = check(&[0.0, 1.0], &[(0, 1)], Some(vec![f64::NAN]));
         assert_eq!(nan, GraphError::EdgeValue { edge: 0 });
-        let count = GraphError::EdgeValueCount {
-            edge_values: 0,
-            edges: 1,
-        };
+        let count = GraphError::EdgeValueCount { edge_values: 0, edges: 1 };
         assert_eq!(check(&[0.0, 1.0], &[(0, 1)], Some(vec![])), count);
     }
 
@@ -250,10 +219,7 @@ mod tests {
         // 1 0
         // 0 1
         let (graph, cell_of) = grid_graph(&[1.0, 0.0, 0.0, 1.0], 2);
-        assert_eq!(
-            (graph.edges(), cell_of.as_slice()),
-            (&[(0, 1)][..], &[0, 3][..])
-        );
+        assert_eq!((graph.edges(), cell_of.as_slice()), (&[(0, 1)][..], &[0, 3][..]));
         assert!(grid_graph(&[1.0; 5], 2).0.is_empty());
     }
 }

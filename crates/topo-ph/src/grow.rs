@@ -19,11 +19,7 @@ pub fn components_at(graph: &Graph, t: f64) -> Vec<u32> {
         }
     }
     let label = |v: u32| {
-        if graph.value(v) >= t {
-            components.find(v)
-        } else {
-            UNLABELLED
-        }
+        if graph.value(v) >= t { components.find(v) } else { UNLABELLED }
     };
     (0..graph.len() as u32).map(label).collect()
 }
@@ -59,9 +55,7 @@ impl Eq for Step {}
 impl Ord for Step {
     fn cmp(&self, other: &Self) -> Ordering {
         let by_weight = self.weight.total_cmp(&other.weight);
-        by_weight
-            .then(other.label.cmp(&self.label))
-            .then(other.to.cmp(&self.to))
+        by_weight.then(other.label.cmp(&self.label)).then(other.to.cmp(&self.to))
     }
 }
 
@@ -104,11 +98,7 @@ impl Neighbours {
         for &(to, edge) in &self.entries[range] {
             if labels[to as usize] == UNLABELLED {
                 let weight = graph.edge_weight(edge as usize);
-                heap.push(Step {
-                    weight,
-                    label: labels[from as usize],
-                    to,
-                });
+                heap.push(Step { weight, label: labels[from as usize], to });
             }
         }
     }

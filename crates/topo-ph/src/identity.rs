@@ -21,10 +21,7 @@ pub struct IdentityConfig {
 
 impl Default for IdentityConfig {
     fn default() -> Self {
-        IdentityConfig {
-            min_iou: 0.3,
-            min_share: 0.5,
-        }
+        IdentityConfig { min_iou: 0.3, min_share: 0.5 }
     }
 }
 
@@ -78,10 +75,7 @@ impl PartMatching {
         match self.origins.get(new as usize)? {
             Origin::Survived { old, .. } => Some(*old),
             Origin::Merged { from } => from.first().copied(),
-            Origin::Split {
-                from,
-                keeps_identity: true,
-            } => Some(*from),
+            Origin::Split { from, keeps_identity: true } => Some(*from),
             Origin::Split { .. } | Origin::Born => None,
         }
     }
@@ -122,11 +116,7 @@ pub fn match_parts(
 ) -> Result<PartMatching, IdentityError> {
     let (old, new, count) = (old_part_of.len(), new_part_of.len(), weights.len());
     if old != new || new != count {
-        return Err(IdentityError::Length {
-            old,
-            new,
-            weights: count,
-        });
+        return Err(IdentityError::Length { old, new, weights: count });
     }
     if let Some(vertex) = weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
         return Err(IdentityError::Weight { vertex });
@@ -136,16 +126,10 @@ pub fn match_parts(
     let mut origins = survivors(&overlap, config, &mut heir);
     let is_inside = |shared: f64, whole: f64| shared > 0.0 && shared >= config.min_share * whole;
     // Merges before splits: a new part that swallowed several old ones is not a piece of one of them.
-    for (new, origin) in origins
-        .iter_mut()
-        .enumerate()
-        .filter(|(_, origin)| **origin == Origin::Born)
-    {
+    for (new, origin) in origins.iter_mut().enumerate().filter(|(_, origin)| **origin == Origin::Born) {
         let lies_inside = |old: usize| is_inside(overlap.at(old, new), overlap.old_weight[old]);
-        let from: Vec<u32> = (0..heir.len())
-            .filter(|&old| heir[old].is_none() && lies_inside(old))
-            .map(|old| old as u32)
-            .collect();
+        let from: Vec<u32> =
+            (0..heir.len()).filter(|&old| heir[old].is_none() && lies_inside(old)).map(|old| old as u32).collect();
         if from.len() >= 2 {
             heir[from[0] as usize] = Some(new as u32);
             *origin = Origin::Merged { from };
@@ -154,15 +138,8 @@ pub fn match_parts(
     // Largest pieces first, so that the largest keeps the name.
     let mut pieces: Vec<(f64, usize, usize)> = Vec::new();
     for new in (0..origins.len()).filter(|&new| origins[new] == Origin::Born) {
-        let best = (0..heir.len()).max_by(|&a, &b| {
-            overlap
-                .at(a, new)
-                .total_cmp(&overlap.at(b, new))
-                .then(b.cmp(&a))
-        });
-        if let Some(old) =
-            best.filter(|&old| is_inside(overlap.at(old, new), overlap.new_weight[new]))
-        {
+        let best = (0..heir.len()).max_by(|&a, &b| overlap.at(a, new).total_cmp(&overlap.at(b, new)).then(b.cmp(&a)));
+        if let Some(old) = best.filter(|&old| is_inside(overlap.at(old, new), overlap.new_weight[new])) {
             pieces.push((overlap.at(old, new), old, new));
         }
     }
@@ -170,21 +147,14 @@ pub fn match_parts(
     for (_, old, new) in pieces {
         let keeps_identity = heir[old].is_none();
         heir[old].get_or_insert(new as u32);
-        origins[new] = Origin::Split {
-            from: old as u32,
-            keeps_identity,
-        };
+        origins[new] = Origin::Split { from: old as u32, keeps_identity };
     }
     let fate = |old: usize| {
-        let into = (0..origins.len())
-            .find(|&new| is_inside(overlap.at(old, new), overlap.old_weight[old]));
+        let into = (0..origins.len()).find(|&new| is_inside(overlap.at(old, new), overlap.old_weight[old]));
         into.map_or(Lost::Gone, |new| Lost::MergedInto(new as u32))
     };
     let is_lost = |old: &usize| heir[*old].is_none() && overlap.is_used[*old];
-    let lost = (0..heir.len())
-        .filter(is_lost)
-        .map(|old| (old as u32, fate(old)))
-        .collect();
+    let lost = (0..heir.len()).filter(is_lost).map(|old| (old as u32, fate(old))).collect();
     Ok(PartMatching { origins, lost })
 }
 
@@ -204,10 +174,7 @@ fn survivors(overlap: &Overlap, config: &IdentityConfig, heir: &mut [Option<u32>
     for (old, &new) in assign(&cost, n).iter().enumerate().take(olds) {
         if new < news && cost[old * n + new] < 0.0 {
             heir[old] = Some(new as u32);
-            origins[new] = Origin::Survived {
-                old: old as u32,
-                iou: overlap.iou(old, new),
-            };
+            origins[new] = Origin::Survived { old: old as u32, iou: overlap.iou(old, new) };
         }
     }
     origins
@@ -223,13 +190,8 @@ struct Overlap {
 
 impl Overlap {
     fn new(old_part_of: &[u32], new_part_of: &[u32], weights: &[f64]) -> Overlap {
-        let count = |parts: &[u32]| {
-            parts
-                .iter()
-                .filter(|&&part| part != NO_PART)
-                .max()
-                .map_or(0, |&part| part as usize + 1)
-        };
+        let count =
+            |parts: &[u32]| parts.iter().filter(|&&part| part != NO_PART).max().map_or(0, |&part| part as usize + 1);
         let (olds, news) = (count(old_part_of), count(new_part_of));
         let mut overlap = Overlap {
             shared: vec![0.0; olds * news],
@@ -257,11 +219,7 @@ impl Overlap {
 
     fn iou(&self, old: usize, new: usize) -> f64 {
         let shared = self.at(old, new);
-        if shared > 0.0 {
-            shared / (self.old_weight[old] + self.new_weight[new] - shared)
-        } else {
-            0.0
-        }
+        if shared > 0.0 { shared / (self.old_weight[old] + self.new_weight[new] - shared) } else { 0.0 }
     }
 }
 
@@ -276,42 +234,22 @@ mod tests {
     #[test]
     fn renumbered_parts_are_found_again() {
         let matching = check(&[0, 0, 0, 1, 1], &[1, 1, 0, 0, 0]);
-        assert_eq!(
-            (matching.heir_of(0), matching.heir_of(1)),
-            (Some(1), Some(0))
-        );
+        assert_eq!((matching.heir_of(0), matching.heir_of(1)), (Some(1), Some(0)));
         assert!(matching.lost.is_empty());
     }
 
     #[test]
     fn a_wall_drawn_through_a_room_splits_it() {
         let matching = check(&[0, 0, 0, 0, 0], &[0, 0, 0, 1, 1]);
-        assert!(matches!(
-            matching.origins[0],
-            Origin::Survived { old: 0, .. }
-        ));
-        assert_eq!(
-            matching.origins[1],
-            Origin::Split {
-                from: 0,
-                keeps_identity: false
-            }
-        );
+        assert!(matches!(matching.origins[0], Origin::Survived { old: 0, .. }));
+        assert_eq!(matching.origins[1], Origin::Split { from: 0, keeps_identity: false });
     }
 
     #[test]
     fn a_merge_of_many_takes_the_oldest_name() {
         let matching = check(&[3, 3, 0, 0, 1, 1, 2, 2], &[0; 8]);
-        assert_eq!(
-            matching.origins,
-            [Origin::Merged {
-                from: vec![0, 1, 2, 3]
-            }]
-        );
-        assert_eq!(
-            matching.lost,
-            [1, 2, 3].map(|old| (old, Lost::MergedInto(0)))
-        );
+        assert_eq!(matching.origins, [Origin::Merged { from: vec![0, 1, 2, 3] }]);
+        assert_eq!(matching.lost, [1, 2, 3].map(|old| (old, Lost::MergedInto(0))));
     }
 
     #[test]
@@ -320,13 +258,6 @@ mod tests {
         assert_eq!(matching.origins, [Origin::Born]);
         assert_eq!(matching.lost, [(0, Lost::Gone)]);
         let error = match_parts(&[0], &[], &[1.0], &IdentityConfig::default());
-        assert_eq!(
-            error,
-            Err(IdentityError::Length {
-                old: 1,
-                new: 0,
-                weights: 1
-            })
-        );
+        assert_eq!(error, Err(IdentityError::Length { old: 1, new: 0, weights: 1 }));
     }
 }

@@ -69,12 +69,8 @@ pub use betti::{BettiCurve, Interval, betti_curve};
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;
-pub use identity::{
-    IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts,
-};
+pub use identity::{IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts};
 pub use merge_tree::{MergeNode, MergeTree};
 pub use partition::{Border, Part, Partition};
 pub use pinch::{PinchConfig, PinchError, pinch};
-pub use plateau::{
-    Pick, Plateau, PlateauConfig, PlateauError, PlateauOutcome, plateau, plateau_partition,
-};
+pub use plateau::{Pick, Plateau, PlateauConfig, PlateauError, PlateauOutcome, plateau, plateau_partition};

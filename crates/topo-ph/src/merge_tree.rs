@@ -60,15 +60,7 @@ impl MergeTree {
             let children = (top[older as usize], top[younger as usize]);
             let value = graph.edge_weight(edge as usize);
             let (children, edge) = (Some(children), Some(edge));
-            nodes.push(MergeNode {
-                value,
-                parent: node,
-                children,
-                edge,
-                peak: older,
-                jump: node,
-                depth: 0,
-            });
+            nodes.push(MergeNode { value, parent: node, children, edge, peak: older, jump: node, depth: 0 });
             for child in [top[older as usize], top[younger as usize]] {
                 nodes[child as usize].parent = node;
             }
@@ -85,10 +77,7 @@ impl MergeTree {
             nodes[node].depth = up.depth + 1;
             nodes[node].jump = if is_balanced { far.jump } else { parent as u32 };
         }
-        MergeTree {
-            nodes,
-            leaves: graph.len(),
-        }
+        MergeTree { nodes, leaves: graph.len() }
     }
 
     /// The node that stands for the component of `vertex` in K(t); `None` if the vertex is below t. O(log n).
@@ -113,11 +102,7 @@ impl MergeTree {
         let mut label: Vec<Option<u32>> = vec![None; self.nodes.len()];
         for node in (0..self.nodes.len()).rev() {
             let here = &self.nodes[node];
-            let above = if here.parent as usize == node {
-                None
-            } else {
-                label[here.parent as usize]
-            };
+            let above = if here.parent as usize == node { None } else { label[here.parent as usize] };
             label[node] = above.or((here.value >= t).then_some(node as u32));
         }
         label.truncate(self.leaves);
@@ -135,14 +120,7 @@ mod tests {
         let tree = MergeTree::new(&graph);
         assert_eq!(tree.cut(1.0), [Some(0), None, Some(2)]);
         assert_eq!(tree.cut(0.4), [Some(4); 3]);
-        assert_eq!(
-            (
-                tree.nodes[4].value,
-                tree.nodes[4].peak,
-                tree.nodes[4].children
-            ),
-            (0.4, 0, Some((3, 2)))
-        );
+        assert_eq!((tree.nodes[4].value, tree.nodes[4].peak, tree.nodes[4].children), (0.4, 0, Some((3, 2))));
         assert_eq!(tree.component_at(1, 0.5), None);
         assert_eq!(tree.component_at(7, 0.5), None);
     }

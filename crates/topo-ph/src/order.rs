@@ -25,12 +25,8 @@ pub(crate) fn edges_wide_first(graph: &Graph) -> Vec<u32> {
     };
     if graph.has_edge_values() {
         // Least significant key first; each pass is stable.
-        sort_rising(&mut order, |edge| {
-            u64::from(end_ranks(edge).0.min(end_ranks(edge).1))
-        });
-        sort_rising(&mut order, |edge| {
-            falling_bits(graph.edge_weight(edge as usize))
-        });
+        sort_rising(&mut order, |edge| u64::from(end_ranks(edge).0.min(end_ranks(edge).1)));
+        sort_rising(&mut order, |edge| falling_bits(graph.edge_weight(edge as usize)));
     } else {
         // The weight is the value of the lower end: both keys fit into one small number.
         sort_rising(&mut order, |edge| {
@@ -67,8 +63,7 @@ fn sort_rising(order: &mut [u32], key: impl Fn(u32) -> u64) {
         return;
     }
     let mut items: Vec<(u64, u32)> = order.iter().map(|&index| (key(index), index)).collect();
-    let bucket =
-        |bits: u64, digit: usize| (bits >> (digit as u32 * DIGIT_BITS)) as usize & (BUCKETS - 1);
+    let bucket = |bits: u64, digit: usize| (bits >> (digit as u32 * DIGIT_BITS)) as usize & (BUCKETS - 1);
     let all_bits = items.iter().fold(0, |all, item| all | item.0);
     let digits = (u64::BITS - all_bits.leading_zeros()).div_ceil(DIGIT_BITS) as usize;
     let mut counts = vec![[0_u32; BUCKETS]; digits];
@@ -101,11 +96,7 @@ fn sort_rising(order: &mut [u32], key: impl Fn(u32) -> u64) {
 /// An integer that falls as `key` rises ([`Graph::new`] left no -0.0).
 fn falling_bits(key: f64) -> u64 {
     let bits = key.to_bits();
-    let rising = if bits >> 63 == 1 {
-        !bits
-    } else {
-        bits | 1 << 63
-    };
+    let rising = if bits >> 63 == 1 { !bits } else { bits | 1 << 63 };
     !rising
 }
 
@@ -119,19 +110,13 @@ mod tests {
         let mut state = 1_u64;
         let mut keys: Vec<f64> = (0..3000)
             .map(|_| {
-                state = state
-                    .wrapping_mul(6364136223846793005)
-                    .wrapping_add(1442695040888963407);
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                 ((state >> 40) % 97) as f64 / 7.0 - 5.0
             })
             .collect();
         keys.extend([0.0, f64::INFINITY, -1e300, 1e-300]);
         let mut expected: Vec<u32> = (0..keys.len() as u32).collect();
-        expected.sort_by(|&a, &b| {
-            keys[b as usize]
-                .partial_cmp(&keys[a as usize])
-                .expect("no NaN")
-        });
+        expected.sort_by(|&a, &b| keys[b as usize].partial_cmp(&keys[a as usize]).expect("no NaN"));
         let mut order: Vec<u32> = (0..keys.len() as u32).collect();
         sort_rising(&mut order, |index| falling_bits(keys[index as usize]));
         assert_eq!(order, expected);

@@ -51,37 +51,21 @@ pub(crate) fn partition_from_labels(graph: &Graph, labels: &[u32], areas: &[f64]
             *peak = v as u32;
         }
     }
-    let mut peaks: Vec<u32> = peak_of_label
-        .iter()
-        .copied()
-        .filter(|&peak| peak != NONE)
-        .collect();
+    let mut peaks: Vec<u32> = peak_of_label.iter().copied().filter(|&peak| peak != NONE).collect();
     peaks.sort_unstable_by(|&a, &b| graph.value(b).total_cmp(&graph.value(a)).then(a.cmp(&b)));
     let mut parts = Vec::with_capacity(peaks.len());
     let mut part_of_label = vec![NONE; graph.len()];
     for (index, &peak) in peaks.iter().enumerate() {
         part_of_label[labels[peak as usize] as usize] = index as u32;
-        parts.push(Part {
-            peak,
-            peak_value: graph.value(peak),
-            area: 0.0,
-            members: 0,
-        });
+        parts.push(Part { peak, peak_value: graph.value(peak), area: 0.0, members: 0 });
     }
-    let part_of: Vec<u32> = labels
-        .iter()
-        .map(|&label| part_of_label[label as usize])
-        .collect();
+    let part_of: Vec<u32> = labels.iter().map(|&label| part_of_label[label as usize]).collect();
     for (&part, &area) in part_of.iter().zip(areas) {
         parts[part as usize].area += area;
         parts[part as usize].members += 1;
     }
     let borders = borders(graph, |v| part_of[v as usize]);
-    Partition {
-        part_of,
-        parts,
-        borders,
-    }
+    Partition { part_of, parts, borders }
 }
 
 /// The borders between the classes that `class_of` tells, sorted by (a, b).
@@ -101,9 +85,7 @@ pub(crate) fn borders(graph: &Graph, mut class_of: impl FnMut(u32) -> u32) -> Ve
     crossing.sort_unstable_by(|x, y| {
         let by_pair = (x.0, x.1).cmp(&(y.0, y.1));
         let weight = |edge: u32| graph.edge_weight(edge as usize);
-        by_pair
-            .then(weight(y.2).total_cmp(&weight(x.2)))
-            .then_with(|| ends(x.2).cmp(&ends(y.2)))
+        by_pair.then(weight(y.2).total_cmp(&weight(x.2))).then_with(|| ends(x.2).cmp(&ends(y.2)))
     });
     let mut borders: Vec<Border> = Vec::new();
     for (a, b, edge) in crossing {
@@ -111,13 +93,7 @@ pub(crate) fn borders(graph: &Graph, mut class_of: impl FnMut(u32) -> u32) -> Ve
             Some(last) if (last.a, last.b) == (a, b) => last.length += 1,
             _ => {
                 let saddle = graph.edge_weight(edge as usize);
-                borders.push(Border {
-                    a,
-                    b,
-                    saddle,
-                    edge,
-                    length: 1,
-                });
+                borders.push(Border { a, b, saddle, edge, length: 1 });
             }
         }
     }

@@ -29,11 +29,7 @@ pub struct PinchConfig {
 
 impl Default for PinchConfig {
     fn default() -> Self {
-        PinchConfig {
-            rho: 0.85,
-            tau: 0.10,
-            min_area: 1.5,
-        }
+        PinchConfig { rho: 0.85, tau: 0.10, min_area: 1.5 }
     }
 }
 
@@ -87,9 +83,7 @@ impl PinchConfig {
             return Err(PinchError::Tau { value: self.tau });
         }
         if !self.min_area.is_finite() || self.min_area < 0.0 {
-            return Err(PinchError::MinArea {
-                value: self.min_area,
-            });
+            return Err(PinchError::MinArea { value: self.min_area });
         }
         Ok(())
     }
@@ -105,15 +99,9 @@ impl PinchConfig {
 pub fn pinch(graph: &Graph, areas: &[f64], config: &PinchConfig) -> Result<Partition, PinchError> {
     config.validate()?;
     if areas.len() != graph.len() {
-        return Err(PinchError::AreaCount {
-            areas: areas.len(),
-            vertices: graph.len(),
-        });
+        return Err(PinchError::AreaCount { areas: areas.len(), vertices: graph.len() });
     }
-    if let Some(vertex) = areas
-        .iter()
-        .position(|area| !area.is_finite() || *area < 0.0)
-    {
+    if let Some(vertex) = areas.iter().position(|area| !area.is_finite() || *area < 0.0) {
         return Err(PinchError::Area { vertex });
     }
     let mut regions = merge_unless_pinched(graph, config);
@@ -151,14 +139,8 @@ fn absorb_small(graph: &Graph, areas: &[f64], min_area: f64, regions: &mut Union
     let mut neighbours: BTreeMap<u32, BTreeMap<u32, (f64, u32)>> = BTreeMap::new();
     for border in borders(graph, |v| regions.find(v)) {
         let width = (border.saddle, border.length);
-        neighbours
-            .entry(border.a)
-            .or_default()
-            .insert(border.b, width);
-        neighbours
-            .entry(border.b)
-            .or_default()
-            .insert(border.a, width);
+        neighbours.entry(border.a).or_default().insert(border.b, width);
+        neighbours.entry(border.b).or_default().insert(border.a, width);
     }
     // Areas are not negative, so their bits order like the numbers.
     let key = |area: f64, region: u32| Reverse(((area + 0.0).to_bits(), region));
@@ -176,11 +158,7 @@ fn absorb_small(graph: &Graph, areas: &[f64], min_area: f64, regions: &mut Union
         let Some(target) = widest(&around) else {
             continue;
         };
-        let (survivor, absorbed) = if graph.is_older(region, target) {
-            (region, target)
-        } else {
-            (target, region)
-        };
+        let (survivor, absorbed) = if graph.is_older(region, target) { (region, target) } else { (target, region) };
         regions.attach(absorbed, survivor);
         let total = area[region as usize] + area[target as usize];
         area[survivor as usize] = total;
@@ -223,10 +201,7 @@ mod tests {
     }
 
     fn check(values: &[f64], min_area: f64, expected: &[u32]) -> Partition {
-        let config = PinchConfig {
-            min_area,
-            ..PinchConfig::default()
-        };
+        let config = PinchConfig { min_area, ..PinchConfig::default() };
         let areas = vec![1.0; values.len()];
         let partition = pinch(&path(values), &areas, &config).expect("valid");
         assert_eq!(partition.part_of, expected);
@@ -237,17 +212,9 @@ mod tests {
     fn a_door_of_0_8_and_an_opening_of_2_m_both_separate() {
         // Clearances: room 2.0, door 0.4, room 1.5, opening 1.0, room 1.4.
         let partition = check(&[2.0, 0.4, 1.5, 1.0, 1.4], 0.0, &[0, 0, 1, 1, 2]);
-        let borders: Vec<_> = partition
-            .borders
-            .iter()
-            .map(|b| (b.a, b.b, b.saddle, b.length))
-            .collect();
+        let borders: Vec<_> = partition.borders.iter().map(|b| (b.a, b.b, b.saddle, b.length)).collect();
         assert_eq!(borders, [(0, 1, 0.4, 1), (1, 2, 1.0, 1)]);
-        let peaks: Vec<_> = partition
-            .parts
-            .iter()
-            .map(|p| (p.peak, p.members))
-            .collect();
+        let peaks: Vec<_> = partition.parts.iter().map(|p| (p.peak, p.members)).collect();
         assert_eq!(peaks, [(0, 2), (2, 2), (4, 1)]);
     }
 
@@ -260,39 +227,17 @@ mod tests {
     #[test]
     fn small_regions_go_to_the_side_they_are_open_to() {
         // The closet (one vertex of 0.9) has doors of 0.3 to the left and 0.5 to the right.
-        check(
-            &[2.0, 1.9, 0.3, 0.9, 0.5, 1.8, 1.7],
-            3.0,
-            &[0, 0, 0, 1, 1, 1, 1],
-        );
+        check(&[2.0, 1.9, 0.3, 0.9, 0.5, 1.8, 1.7], 3.0, &[0, 0, 0, 1, 1, 1, 1]);
     }
 
     #[test]
     fn an_isolated_small_region_stays_and_bad_input_is_refused() {
         let graph = Graph::new(vec![1.0, 2.0], vec![], None).expect("valid");
         let config = PinchConfig::default();
-        assert_eq!(
-            pinch(&graph, &[1.0, 1.0], &config)
-                .expect("valid")
-                .parts
-                .len(),
-            2
-        );
-        assert!(matches!(
-            pinch(&graph, &[1.0], &config),
-            Err(PinchError::AreaCount { .. })
-        ));
-        assert!(matches!(
-            pinch(&graph, &[1.0, f64::NAN], &config),
-            Err(PinchError::Area { vertex: 1 })
-        ));
-        let bad = PinchConfig {
-            rho: f64::NAN,
-            ..config
-        };
-        assert!(matches!(
-            pinch(&graph, &[1.0, 1.0], &bad),
-            Err(PinchError::Rho { .. })
-        ));
+        assert_eq!(pinch(&graph, &[1.0, 1.0], &config).expect("valid").parts.len(), 2);
+        assert!(matches!(pinch(&graph, &[1.0], &config), Err(PinchError::AreaCount { .. })));
+        assert!(matches!(pinch(&graph, &[1.0, f64::NAN], &config), Err(PinchError::Area { vertex: 1 })));
+        let bad = PinchConfig { rho: f64::NAN, ..config };
+        assert!(matches!(pinch(&graph, &[1.0, 1.0], &bad), Err(PinchError::Rho { .. })));
     }
 }

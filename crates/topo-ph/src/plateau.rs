@@ -40,12 +40,7 @@ pub struct PlateauConfig {
 
 impl Default for PlateauConfig {
     fn default() -> Self {
-        PlateauConfig {
-            t_min: 0.3,
-            t_max: 1.2,
-            min_persistence: 0.1,
-            pick: Pick::Mid,
-        }
+        PlateauConfig { t_min: 0.3, t_max: 1.2, min_persistence: 0.1, pick: Pick::Mid }
     }
 }
 
@@ -57,15 +52,10 @@ impl PlateauConfig {
     pub fn validate(&self) -> Result<(), PlateauError> {
         let is_window = self.t_min.is_finite() && self.t_max.is_finite() && self.t_min < self.t_max;
         if !is_window {
-            return Err(PlateauError::Window {
-                t_min: self.t_min,
-                t_max: self.t_max,
-            });
+            return Err(PlateauError::Window { t_min: self.t_min, t_max: self.t_max });
         }
         if !self.min_persistence.is_finite() || self.min_persistence < 0.0 {
-            return Err(PlateauError::MinPersistence {
-                value: self.min_persistence,
-            });
+            return Err(PlateauError::MinPersistence { value: self.min_persistence });
         }
         Ok(())
     }
@@ -153,13 +143,7 @@ pub fn plateau(bars: &[Bar], config: &PlateauConfig) -> Result<PlateauOutcome, P
         .flatten()
         .map(|level| (level - threshold).abs())
         .fold(f64::INFINITY, f64::min);
-    Ok(PlateauOutcome::Found(Plateau {
-        low,
-        high,
-        count,
-        threshold,
-        margin,
-    }))
+    Ok(PlateauOutcome::Found(Plateau { low, high, count, threshold, margin }))
 }
 
 /// Cuts each connected component of the graph at its own plateau and grows the pieces over all its vertices.
@@ -174,19 +158,11 @@ pub fn plateau_partition(graph: &Graph, config: &PlateauConfig) -> Result<Partit
     let bars = barcode(graph);
     let seeds = seed_labels(graph, &bars, config)?;
     let labels = grow(graph, seeds);
-    Ok(partition_from_labels(
-        graph,
-        &labels,
-        &vec![1.0; graph.len()],
-    ))
+    Ok(partition_from_labels(graph, &labels, &vec![1.0; graph.len()]))
 }
 
 /// Label of each vertex that lies in a seed: the index of the seed's peak.
-fn seed_labels(
-    graph: &Graph,
-    bars: &[Bar],
-    config: &PlateauConfig,
-) -> Result<Vec<u32>, PlateauError> {
+fn seed_labels(graph: &Graph, bars: &[Bar], config: &PlateauConfig) -> Result<Vec<u32>, PlateauError> {
     let component_of = components_at(graph, f64::NEG_INFINITY);
     let mut bars_of: Vec<Vec<Bar>> = vec![Vec::new(); graph.len()];
     for bar in bars {
@@ -239,8 +215,7 @@ mod tests {
         // Doors 0.4 and 0.7; rooms 2.0, 1.8, 0.9: three components on (0.7, 0.9], two on (0.4, 0.7] and (0.9, 1.8].
         let graph = path(&[2.0, 0.4, 1.8, 0.7, 0.9]);
         let config = PlateauConfig::default();
-        let PlateauOutcome::Found(found) = plateau(&barcode(&graph), &config).expect("valid")
-        else {
+        let PlateauOutcome::Found(found) = plateau(&barcode(&graph), &config).expect("valid") else {
             panic!("there is a plateau");
         };
         // The window ends at 1.2, so (0.9, 1.2] and (0.4, 0.7] are both 0.3 long: the lower one wins up to rounding.
@@ -254,33 +229,15 @@ mod tests {
         let graph = path(&[2.0, 0.4, 0.5, 1.8]);
         let partition = plateau_partition(&graph, &PlateauConfig::default()).expect("valid");
         assert_eq!(partition.part_of, [0, 0, 1, 1]);
-        assert_eq!(
-            (partition.borders.len(), partition.borders[0].saddle),
-            (1, 0.4)
-        );
+        assert_eq!((partition.borders.len(), partition.borders[0].saddle), (1, 0.4));
     }
 
     #[test]
     fn no_plateau_is_one_part_for_each_component() {
         let graph = Graph::new(vec![1.0, 1.1, 1.0], vec![(0, 1)], None).expect("valid");
-        assert_eq!(
-            plateau_partition(&graph, &PlateauConfig::default())
-                .expect("valid")
-                .parts
-                .len(),
-            2
-        );
-        let bad = PlateauConfig {
-            t_min: 2.0,
-            ..PlateauConfig::default()
-        };
-        assert!(matches!(
-            plateau(&[], &bad),
-            Err(PlateauError::Window { .. })
-        ));
-        assert_eq!(
-            plateau(&[], &PlateauConfig::default()),
-            Ok(PlateauOutcome::SinglePart)
-        );
+        assert_eq!(plateau_partition(&graph, &PlateauConfig::default()).expect("valid").parts.len(), 2);
+        let bad = PlateauConfig { t_min: 2.0, ..PlateauConfig::default() };
+        assert!(matches!(plateau(&[], &bad), Err(PlateauError::Window { .. })));
+        assert_eq!(plateau(&[], &PlateauConfig::default()), Ok(PlateauOutcome::SinglePart));
     }
 }

@@ -8,9 +8,7 @@ pub(crate) struct UnionFind {
 
 impl UnionFind {
     pub(crate) fn new(len: usize) -> UnionFind {
-        UnionFind {
-            parent: (0..len as u32).collect(),
-        }
+        UnionFind { parent: (0..len as u32).collect() }
     }
 
     pub(crate) fn find(&mut self, mut member: u32) -> u32 {

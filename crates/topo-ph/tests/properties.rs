@@ -10,10 +10,7 @@ use topo_ph::*;
 const SUM_TOL: f64 = 1e-9;
 
 fn lives(bars: &[Bar]) -> Vec<(f64, Option<f64>)> {
-    let mut lives: Vec<_> = nonzero(bars)
-        .iter()
-        .map(|bar| (bar.birth, bar.death))
-        .collect();
+    let mut lives: Vec<_> = nonzero(bars).iter().map(|bar| (bar.birth, bar.death)).collect();
     lives.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
     lives
 }
@@ -25,9 +22,7 @@ fn renamed(graph: &Graph, order: &[u32]) -> Graph {
         values[order[v] as usize] = graph.values()[v];
     }
     let edges = graph.edges().iter().rev();
-    let edges = edges
-        .map(|&(u, v)| (order[v as usize], order[u as usize]))
-        .collect();
+    let edges = edges.map(|&(u, v)| (order[v as usize], order[u as usize])).collect();
     let weights = graph.edge_weights().iter().rev().copied().collect();
     Graph::new(values, edges, Some(weights)).expect("valid")
 }
@@ -110,20 +105,14 @@ mod distances {
     /// All matchings, one bar of `a` after the other: to the diagonal or to any bar of `b` still there.
     fn best_matching(a: &[Bar], b: &[Bar]) -> f64 {
         let Some((first, rest)) = a.split_first() else {
-            return b
-                .iter()
-                .map(|bar| 0.5 * bar.persistence())
-                .fold(0.0, f64::max);
+            return b.iter().map(|bar| 0.5 * bar.persistence()).fold(0.0, f64::max);
         };
         let mut best = (0.5 * first.persistence()).max(best_matching(rest, b));
         for index in 0..b.len() {
             let (mut others, partner) = (b.to_vec(), b[index]);
             others.remove(index);
             let births = (first.birth - partner.birth).abs();
-            let deaths = first
-                .death
-                .zip(partner.death)
-                .map_or(f64::INFINITY, |(x, y)| (x - y).abs());
+            let deaths = first.death.zip(partner.death).map_or(f64::INFINITY, |(x, y)| (x - y).abs());
             best = best.min(births.max(deaths).max(best_matching(rest, &others)));
         }
         best
@@ -132,16 +121,14 @@ mod distances {
     fn two_value_functions() -> impl Strategy<Value = (Graph, Graph, f64)> {
         parts().prop_flat_map(|(values, edges, limits)| {
             let n = values.len();
-            (
-                Just((values, edges, limits)),
-                prop::collection::vec(-0.4..0.4_f64, n),
-            )
-                .prop_map(|((values, edges, limits), noise)| {
+            (Just((values, edges, limits)), prop::collection::vec(-0.4..0.4_f64, n)).prop_map(
+                |((values, edges, limits), noise)| {
                     let moved = values.iter().zip(&noise).map(|(x, d)| x + d).collect();
                     let largest = noise.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
                     let a = Graph::new(values, edges.clone(), limits.clone()).expect("valid");
                     (a, Graph::new(moved, edges, limits).expect("valid"), largest)
-                })
+                },
+            )
         })
     }
 
@@ -202,15 +189,8 @@ mod partitions {
     use super::*;
 
     fn pinch_config() -> impl Strategy<Value = PinchConfig> {
-        let (rho, tau) = (
-            prop_oneof![Just(1.0), 0.0..1.0_f64],
-            prop_oneof![Just(0.0), 0.0..1.0_f64],
-        );
-        (rho, tau, 0..5_u8).prop_map(|(rho, tau, area)| PinchConfig {
-            rho,
-            tau,
-            min_area: f64::from(area),
-        })
+        let (rho, tau) = (prop_oneof![Just(1.0), 0.0..1.0_f64], prop_oneof![Just(0.0), 0.0..1.0_f64]);
+        (rho, tau, 0..5_u8).prop_map(|(rho, tau, area)| PinchConfig { rho, tau, min_area: f64::from(area) })
     }
 
     /// What every partition promises, whoever made it.
@@ -221,11 +201,7 @@ mod partitions {
             prop_assert_eq!(members.clone().count(), part.members as usize);
             prop_assert_eq!(graph.value(part.peak), part.peak_value);
             prop_assert_eq!(partition.part_of[part.peak as usize] as usize, index);
-            prop_assert!(
-                members
-                    .clone()
-                    .all(|v| graph.values()[v] <= part.peak_value)
-            );
+            prop_assert!(members.clone().all(|v| graph.values()[v] <= part.peak_value));
             // Each part is connected.
             let inside: Vec<u32> = members.map(|v| v as u32).collect();
             let mut reached = vec![inside[0]];
@@ -247,27 +223,12 @@ mod partitions {
             let (a, b) = (partition.part_of[u as usize], partition.part_of[v as usize]);
             if a != b {
                 crossing += 1;
-                let border = partition
-                    .borders
-                    .iter()
-                    .find(|x| (x.a, x.b) == (a.min(b), a.max(b)));
+                let border = partition.borders.iter().find(|x| (x.a, x.b) == (a.min(b), a.max(b)));
                 prop_assert!(border.is_some_and(|border| border.saddle >= graph.edge_weight(edge)));
             }
         }
-        prop_assert_eq!(
-            partition
-                .borders
-                .iter()
-                .map(|border| border.length)
-                .sum::<u32>(),
-            crossing
-        );
-        prop_assert!(
-            partition
-                .borders
-                .iter()
-                .all(|x| graph.edge_weight(x.edge as usize) == x.saddle)
-        );
+        prop_assert_eq!(partition.borders.iter().map(|border| border.length).sum::<u32>(), crossing);
+        prop_assert!(partition.borders.iter().all(|x| graph.edge_weight(x.edge as usize) == x.saddle));
         Ok(())
     }
 
@@ -366,11 +327,7 @@ mod identities {
         let part = || prop_oneof![4 => 0..5_u32, 1 => Just(NO_PART)];
         prop::collection::vec((part(), part(), value()), 0..20).prop_map(|rows| {
             let old = rows.iter().map(|row| row.0).collect();
-            (
-                old,
-                rows.iter().map(|row| row.1).collect(),
-                rows.iter().map(|row| row.2).collect(),
-            )
+            (old, rows.iter().map(|row| row.1).collect(), rows.iter().map(|row| row.2).collect())
         })
     }
 

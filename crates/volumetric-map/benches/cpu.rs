@@ -44,25 +44,38 @@ impl Stage {
 fn main() {
     let world = World::flat();
     let mut lidar = Lidar::new(32, 1024, 0.015, 7);
-    let way =
-        [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
+    let way = [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut field = DistanceField::new(0.1, 2.0);
     let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
     let [mut integrate, mut distance, mut mesh, mut places, mut ground] = std::array::from_fn(|_| Stage::default());
-    let mut points_total = 0;
+    let (mut points_total, mut remeshed, mut lines, mut changed) = (0, 0, 0, 0);
     for (k, (pose, _)) in drive(&way, 0.61, 0.07).into_iter().enumerate() {
         let points: Vec<Point3<f32>> = in_world(&lidar.scan(&world, &pose), &pose);
         points_total += points.len();
         integrate.time(|| volume.integrate(&pose.translation.vector.into(), &points)).unwrap();
         if k % 5 == 4 {
-            mesh.time(|| volume.update_mesh());
-            distance.time(|| field.update(&volume));
+            remeshed += mesh.time(|| volume.update_mesh()).updated.len();
+            let report = distance.time(|| field.update(&volume));
+            lines += report.lines.iter().sum::<usize>();
+            changed += report.cells_changed;
             places.time(|| graph.update(&field));
             ground.time(|| clearance(&volume.ground_grid(0.0, 0.1, 1.2), true));
         }
     }
-    println!("{points_total} points; {} blocks, {:.1} MB; {} places", volume.block_count(), volume.memory_bytes() as f64 * 1e-6, graph.places().len());
+    println!(
+        "{points_total} points; {} blocks, {:.1} MB; {} places",
+        volume.block_count(),
+        volume.memory_bytes() as f64 * 1e-6,
+        graph.places().len()
+    );
+    let updates = distance.samples.len();
+    println!(
+        "a 2 Hz update: {} blocks meshed, {} cells changed, {} lines",
+        remeshed / updates,
+        changed / updates,
+        lines / updates
+    );
     integrate.print("integrate");
     distance.print("distance field");
     mesh.print("mesh");

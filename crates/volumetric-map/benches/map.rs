@@ -1,4 +1,4 @@
-//! The claims guarded here, for a robot in a furnished flat of 100 m2 at 5 cm voxels (one core, release):
+//! The budgets guarded here (CPU on a free core; on a loaded machine use the bench `cpu` and compare ratios), for a robot in a furnished flat of 100 m2 at 5 cm voxels (one core, release):
 //! a scan of 32 x 1024 returns in at most 10 ms, a distance field update (after five scans) in 15 ms, an update of the places in 20 ms.
 //!
 //! `cargo bench -p volumetric-map`
@@ -24,16 +24,7 @@ impl Drive {
     fn record() -> Self {
         let world = World::flat();
         let mut lidar = Lidar::new(32, 1024, 0.015, 7);
-        let way = [
-            [2.0, 2.5],
-            [6.5, 2.5],
-            [7.7, 4.0],
-            [7.7, 7.0],
-            [6.0, 7.5],
-            [3.0, 7.5],
-            [2.0, 6.0],
-            [2.0, 2.5],
-        ];
+        let way = [[2.0, 2.5], [6.5, 2.5], [7.7, 4.0], [7.7, 7.0], [6.0, 7.5], [3.0, 7.5], [2.0, 6.0], [2.0, 2.5]];
         let scans = drive(&way, 0.61, 0.07)
             .into_iter()
             .map(|(pose, _)| (pose.translation.vector.into(), in_world(&lidar.scan(&world, &pose), &pose)))

@@ -287,7 +287,7 @@ mod tests {
             block.refresh(|_| true, &thresholds, 2);
             scans += 1;
         }
-        // By hand: -0.05 -> -0.0038 -> 0.0317, an occupied voxel stays so up to 0.0225.
+        // By hand: -0.05 -> 0.0167 -> 0.0611, an occupied voxel stays so up to 0.0225.
         assert_eq!(scans, 2);
         for _ in 0..50 {
             block.observe_free(0, &thresholds);

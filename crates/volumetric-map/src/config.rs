@@ -19,7 +19,7 @@ pub struct VolumeConfig {
     /// A distance is a running mean over at most this many observations. Default 20: a map built from a drifting pose
     /// must follow the newest evidence. Large values average better and forget slower.
     pub max_weight: u8,
-    /// Weight of one scan that looked through a voxel. Default 6: with `max_weight` 20 a solid wall that is no
+    /// Weight of one scan that looked through a voxel. Default 10: with `max_weight` 20 a solid wall that is no
     /// longer there turns free after two scans that look through it.
     pub clear_weight: u8,
     /// Observations before a voxel counts as known. Default 2: a lone stray return makes no obstacle.
@@ -41,7 +41,7 @@ impl Default for VolumeConfig {
             max_range_m: 12.0,
             min_range_m: 0.10,
             max_weight: 20,
-            clear_weight: 6,
+            clear_weight: 10,
             min_weight: 2,
             clear_every: 2,
             max_blocks: 60_000,

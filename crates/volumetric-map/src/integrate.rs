@@ -1,14 +1,14 @@
 //! One scan into the volume: the truncation band of every return, then the free space before it.
 //!
-//! 1. *Band.* Every return pulls the voxels from `truncation` in front of it to `behind` behind it towards its own signed
+//! 1. *Band.* Returns pull the voxels from three in front of them to `behind` behind them towards their own signed
 //!    distance along the ray (Curless and Levoy 1996, with a capped weight, so that the map follows the newest evidence).
 //! 2. *Look-through.* Rays that end in different voxels mark what they pass, stopping one voxel before the return. A voxel
-//!    in the band of any return of this scan is never cleared by this scan; a voxel near a surface is cleared only if
+//!    that holds a return of this scan, or lies in its band, is never cleared by this scan; a voxel near a surface is cleared only if
 //!    none of its face neighbours holds a return of this scan and the ray ends well off the surface that the voxel
 //!    belongs to. That keeps floors and table tops at grazing angles, table legs and door frames.
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
-//! Cost: about seven voxels a return for the band; the walk jumps over blocks that are firmly free already.
+//! Cost: about six voxels for each return that pulls; the walk jumps over blocks that are firmly free already.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -60,12 +60,17 @@ impl Volume {
     ) -> Result<IntegrationReport, IntegrationError> {
         let scale = 1.0 / self.config.voxel_m;
         let origin = origin_in_world.coords * scale;
-        if origin.iter().any(|q| !(q.abs() < MAX_VOXEL_INDEX / 4.0)) {
+        if origin.iter().any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0) {
             return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
         self.revision += 1;
         let blocks_before = self.blocks.len();
-        let mut scan = Scan { report: IntegrationReport::default(), touched: Vec::new(), origin, last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE) };
+        let mut scan = Scan {
+            report: IntegrationReport::default(),
+            touched: Vec::new(),
+            origin,
+            last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE),
+        };
         let rays = self.mark_returns(points_in_world, &mut scan);
         for ray in &rays {
             if let Some(end) = ray.end {
@@ -88,8 +93,8 @@ impl Volume {
 
     /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
     ///
-    /// The first return in a voxel does both; the others add nothing to a surface that is firmly known, and pull elsewhere.
-    /// With `clear_every` n a voxel's ray has its turn every n-th scan, on a checkerboard.
+    /// The first return in a voxel pulls, and clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. The
+    /// others pull too unless they fall on a surface that is firmly known, to which they add little.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
         let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
@@ -110,7 +115,8 @@ impl Volume {
             let direction = offset / range;
             let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
             let end: [i32; 3] = tip.map(floor).into();
-            let is_turn = (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
+            let is_turn =
+                (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
             if range > far {
                 scan.report.beyond_range += 1;
                 if is_turn {
@@ -128,7 +134,8 @@ impl Volume {
             let local = local_of(end);
             let is_first = !contains(&block.hit, local);
             insert(&mut block.hit, local);
-            if is_first || !contains(&block.near_surface, local) || block.weight[local] < firm {
+            let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
+            if is_first || !is_firm {
                 rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
             }
         }
@@ -138,7 +145,8 @@ impl Volume {
     /// Step 1 for one return.
     fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
         let scale = 1.0 / self.config.voxel_m;
-        let (front, behind) = (self.config.truncation_m * scale, self.config.behind_m * scale);
+        // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
+        let (front, behind) = ((self.config.truncation_m * scale).min(3.0), self.config.behind_m * scale);
         let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
         let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
         let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
@@ -185,6 +193,7 @@ impl Volume {
                         insert(&mut block.seen_through, local);
                     } else if !contains(&block.seen_through, local)
                         && !contains(&block.in_band, local)
+                        && !contains(&block.hit, local)
                         && self.may_clear(id, &walk, ray, &scan.origin)
                     {
                         insert(&mut self.blocks[id as usize].seen_through, local);
@@ -214,7 +223,9 @@ impl Volume {
         for axis in 0..3 {
             let mut rise = [0.0; 2];
             for (side, rise) in rise.iter_mut().enumerate() {
-                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else { continue };
+                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else {
+                    continue;
+                };
                 if block.scan == self.revision && contains(&block.hit, local) {
                     return false;
                 }
@@ -242,8 +253,9 @@ impl Volume {
     fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
         let mut other = voxel;
         other[axis] += if side == 1 { 1 } else { -1 };
-        let id = if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
-        (id != NONE).then(|| (&*self.blocks[id as usize], local_of(other)))
+        let id =
+            if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
+        (id != NONE).then(|| (&self.blocks[id as usize], local_of(other)))
     }
 
     /// Step 3.
@@ -252,13 +264,13 @@ impl Volume {
             let block = &mut self.blocks[*id as usize];
             let mut cleared = 0;
             let mut layers = [false; 8];
-            for z in 0..8 {
+            for (z, layer) in layers.iter_mut().enumerate() {
                 let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
                 if marked & block.occupied[z] != 0 {
                     block.surface_revision = self.revision;
                 }
                 cleared += marked.count_ones() as usize;
-                layers[z] = marked != 0;
+                *layer = marked != 0;
                 while marked != 0 {
                     let local = z * 64 + marked.trailing_zeros() as usize;
                     marked &= marked - 1;

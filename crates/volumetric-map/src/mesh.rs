@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, contains, local_of};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, local_of};
 use crate::volume::Volume;
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
@@ -96,7 +96,9 @@ impl Volume {
         let mut mesh = Mesh::default();
         let mut number = FxHashMap::default();
         for quad in &part.quads {
-            let Some(corners) = self.quad_cells(key, quad) else { continue };
+            let Some(corners) = self.quad_cells(key, quad) else {
+                continue;
+            };
             let corners = corners.map(|(rank, slot)| {
                 *number.entry((rank, slot)).or_insert_with(|| {
                     let source = &self.mesh_cache.parts[rank].1;
@@ -134,10 +136,11 @@ impl Volume {
 
     fn mesh_part(&self, key: BlockKey) -> MeshPart {
         let mut part = MeshPart::default();
-        if self.block_id(key).is_none() {
+        let corner_blocks: [Option<&Block>; 8] =
+            std::array::from_fn(|k| self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2)));
+        let Some(patch) = Patch::of(&corner_blocks) else {
             return part;
-        }
-        let Some(patch) = self.patch(key) else { return part };
+        };
         let voxel = self.config.voxel_m;
         let first = key.first_voxel();
         for z in 0..8usize {
@@ -156,62 +159,11 @@ impl Volume {
                     };
                     part.cells.push((x + 8 * y + 64 * z) as u16);
                     part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.labels.push(self.cell_label(first, [x as i32, y as i32, z as i32]));
+                    part.labels.push(cell_label(&corner_blocks, [x, y, z]));
                 }
             }
         }
         part
-    }
-
-    /// The 9^3 voxels that a block's cells touch; `None` if none of them lies inside something.
-    fn patch(&self, key: BlockKey) -> Option<Patch> {
-        let mut patch = Patch { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
-        for corner in 0..8 {
-            let shift = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let Some(block) = self.block(key.offset(shift[0], shift[1], shift[2])) else { continue };
-            let range = |axis: usize| if shift[axis] == 1 { 8..9usize } else { 0..8usize };
-            for z in range(2) {
-                for y in range(1) {
-                    for x in range(0) {
-                        let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
-                        if contains(&block.known, local) {
-                            let distance = block.distance[local];
-                            patch.distance[x + 9 * y + 81 * z] = distance;
-                            let side = if distance < 0 { &mut patch.inside } else { &mut patch.outside };
-                            side[9 * z + y] |= 1 << x;
-                        }
-                    }
-                }
-            }
-        }
-        patch.inside.iter().any(|row| *row != 0).then_some(patch)
-    }
-
-    /// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
-    fn cell_label(&self, first: [i32; 3], local: [i32; 3]) -> u16 {
-        let mut best = (0u32, 0u16);
-        let mut tally = [(0u16, 0u32); 8];
-        for corner in 0..8 {
-            let voxel = [
-                first[0] + local[0] + (corner & 1),
-                first[1] + local[1] + (corner >> 1 & 1),
-                first[2] + local[2] + (corner >> 2),
-            ];
-            let Some(votes) = self.block(BlockKey::of_voxel(voxel)).and_then(|b| b.votes.as_ref()) else { continue };
-            let i = local_of(voxel);
-            if votes.count[i] == 0 {
-                continue;
-            }
-            let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
-            slot.0 = votes.label[i];
-            slot.1 += u32::from(votes.count[i]);
-        }
-        for (label, count) in tally {
-            if count > best.0 || count == best.0 && count > 0 && label < best.1 {
-                best = (count, label);
-            }
-        }
-        best.1
     }
 
     /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
@@ -240,6 +192,27 @@ impl Volume {
     }
 }
 
+/// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
+fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
+    let mut tally = [(0u16, 0u32); 8];
+    for corner in 0..8usize {
+        let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
+        let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
+        let Some(votes) = block.and_then(|b| b.votes.as_ref()) else {
+            continue;
+        };
+        let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
+        if votes.count[i] == 0 {
+            continue;
+        }
+        let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
+        slot.0 = votes.label[i];
+        slot.1 += u32::from(votes.count[i]);
+    }
+    let best = tally.into_iter().max_by_key(|(label, count)| (*count, std::cmp::Reverse(*label)));
+    best.filter(|(_, count)| *count > 0).map_or(0, |(label, _)| label)
+}
+
 fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
@@ -257,6 +230,35 @@ struct Patch {
 }
 
 impl Patch {
+    /// The 9^3 voxels that a block's cells touch, from it and its seven positive neighbours; `None` if there is no such block, or
+    /// none of the voxels lies inside something.
+    fn of(blocks: &[Option<&Block>; 8]) -> Option<Self> {
+        blocks[0]?;
+        let mut patch = Self { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
+        for (corner, block) in blocks.iter().enumerate() {
+            let Some(block) = block else { continue };
+            let (shift_x, shift_y, shift_z) = (corner & 1, corner >> 1 & 1, corner >> 2);
+            let range = |shift: usize| if shift == 1 { 8..9usize } else { 0..8usize };
+            let width = if shift_x == 1 { 1 } else { 8 };
+            for z in range(shift_z) {
+                for y in range(shift_y) {
+                    let first = (y & 7) << 3 | (z & 7) << 6;
+                    let known = (block.known[z & 7] >> (8 * (y & 7)) & if width == 8 { 0xff } else { 1 }) as u16;
+                    let mut inside = 0u16;
+                    let to = 8 * shift_x + 9 * y + 81 * z;
+                    for x in 0..width {
+                        let distance = block.distance[first + x];
+                        patch.distance[to + x] = distance;
+                        inside |= u16::from(distance < 0) << x;
+                    }
+                    patch.inside[9 * z + y] |= (known & inside) << (8 * shift_x);
+                    patch.outside[9 * z + y] |= (known & !inside) << (8 * shift_x);
+                }
+            }
+        }
+        patch.inside.iter().any(|row| *row != 0).then_some(patch)
+    }
+
     /// In the row (y, z) of cells: which have all corners known and lie on both sides; and which voxels begin a crossing edge along x,
     /// y and z.
     fn crossings(&self, y: usize, z: usize) -> (u16, [u16; 3]) {
@@ -369,7 +371,9 @@ impl MeshCache {
     }
 
     fn remove(&mut self, key: BlockKey) -> bool {
-        let Some(rank) = self.rank.remove(&key.packed()) else { return false };
+        let Some(rank) = self.rank.remove(&key.packed()) else {
+            return false;
+        };
         self.parts.swap_remove(rank);
         if let Some((moved, _)) = self.parts.get(rank) {
             self.rank.insert(moved.packed(), rank);

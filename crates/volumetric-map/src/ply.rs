@@ -116,7 +116,9 @@ fn read_vertices(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> R
     let mut at = 0;
     let mut offset = [None; 4];
     for property in &element.properties {
-        let Kind::Scalar(scalar) = property.kind else { return Err(PlyError::Unsupported { line: property.line }) };
+        let Kind::Scalar(scalar) = property.kind else {
+            return Err(PlyError::Unsupported { line: property.line });
+        };
         for (k, name) in ["x", "y", "z", "label"].into_iter().enumerate() {
             if property.name == name && (k == 3 || scalar == Scalar::F32) {
                 offset[k] = Some((at, scalar));
@@ -124,7 +126,9 @@ fn read_vertices(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> R
         }
         at += scalar.size();
     }
-    let [Some((x, _)), Some((y, _)), Some((z, _)), label] = offset else { return Err(PlyError::NoPosition) };
+    let [Some((x, _)), Some((y, _)), Some((z, _)), label] = offset else {
+        return Err(PlyError::NoPosition);
+    };
     let mut row = vec![0u8; at];
     for _ in 0..element.count {
         input.read_exact(&mut row)?;
@@ -231,7 +235,8 @@ impl Header {
         for line in 1..=200 {
             let mut bytes = Vec::new();
             input.by_ref().take(1000).read_until(b'\n', &mut bytes)?;
-            let text = std::str::from_utf8(&bytes).map_err(|_| if line == 1 { PlyError::NotPly } else { PlyError::Header { line } })?;
+            let text = std::str::from_utf8(&bytes)
+                .map_err(|_| if line == 1 { PlyError::NotPly } else { PlyError::Header { line } })?;
             let words: Vec<&str> = text.split_whitespace().collect();
             if line == 1 {
                 if words != ["ply"] {
@@ -249,10 +254,17 @@ impl Header {
                     if count > u64::from(u32::MAX) {
                         return Err(PlyError::TooMany(count));
                     }
-                    elements.push(Element { name: (*name).into(), count: count as usize, line, properties: Vec::new() });
+                    elements.push(Element {
+                        name: (*name).into(),
+                        count: count as usize,
+                        line,
+                        properties: Vec::new(),
+                    });
                 }
                 ["property", "list", count, item, name] => {
-                    let (Some(count), Some(item)) = (Scalar::parse(count), Scalar::parse(item)) else { return Err(bad) };
+                    let (Some(count), Some(item)) = (Scalar::parse(count), Scalar::parse(item)) else {
+                        return Err(bad);
+                    };
                     let kind = Kind::List(count, item);
                     elements.last_mut().ok_or(bad)?.properties.push(Property { name: (*name).into(), kind, line });
                 }
@@ -260,7 +272,9 @@ impl Header {
                     let kind = Kind::Scalar(Scalar::parse(scalar).ok_or(PlyError::Header { line })?);
                     elements.last_mut().ok_or(bad)?.properties.push(Property { name: (*name).into(), kind, line });
                 }
-                ["end_header"] => return if has_format { Ok(Self { elements }) } else { Err(PlyError::Format) },
+                ["end_header"] => {
+                    return if has_format { Ok(Self { elements }) } else { Err(PlyError::Format) };
+                }
                 _ => return Err(bad),
             }
         }

@@ -24,7 +24,13 @@ pub(crate) fn floor(value: f64) -> i32 {
 impl RayWalk {
     /// Starts `t_start` along the ray from `origin` (in voxels) in the unit direction.
     pub fn new(origin: [f64; 3], direction: [f64; 3], t_start: f64) -> Self {
-        let mut walk = Self { index: [0; 3], step: [0; 3], t_next: [f64::INFINITY; 3], t_delta: [f64::INFINITY; 3], rate: [0.0; 3] };
+        let mut walk = Self {
+            index: [0; 3],
+            step: [0; 3],
+            t_next: [f64::INFINITY; 3],
+            t_delta: [f64::INFINITY; 3],
+            rate: [0.0; 3],
+        };
         for axis in 0..3 {
             let d = direction[axis];
             walk.index[axis] = floor(origin[axis] + d * t_start);
@@ -43,14 +49,12 @@ impl RayWalk {
     /// The axis whose border comes next and the ray length there.
     #[inline]
     pub fn next_border(&self) -> (usize, f64) {
+        // Selections, not branches: which axis comes next is as good as random, and a wrong guess costs more than the step.
         let [x, y, z] = self.t_next;
-        if x <= y && x <= z {
-            (0, x)
-        } else if y <= z {
-            (1, y)
-        } else {
-            (2, z)
-        }
+        let is_y = y < x;
+        let (axis, t) = (usize::from(is_y), if is_y { y } else { x });
+        let is_z = z < t;
+        (if is_z { 2 } else { axis }, if is_z { z } else { t })
     }
 
     /// Crosses the next border of an axis.
@@ -63,20 +67,18 @@ impl RayWalk {
     /// Stands in the last voxel of this 8^3 block before the ray leaves it; the next [`cross`](Self::cross) leaves.
     pub fn jump_to_block_end(&mut self) {
         // Borders each axis has yet to cross inside the block before the one that leaves it.
-        let mut left = [0i32; 3];
-        let mut t_leave = f64::INFINITY;
-        for axis in 0..3 {
+        let left: [i32; 3] = std::array::from_fn(|axis| {
             let local = self.index[axis] & 7;
-            left[axis] = if self.step[axis] > 0 { 7 - local } else { local };
-            if self.step[axis] != 0 {
-                t_leave = t_leave.min(self.t_next[axis] + f64::from(left[axis]) * self.t_delta[axis]);
-            }
-        }
-        for axis in 0..3 {
+            if self.step[axis] > 0 { 7 - local } else { local }
+        });
+        let leave = |axis: usize| self.t_next[axis] + f64::from(left[axis]) * self.t_delta[axis];
+        // An axis that never moves has infinite borders; zero borders left times infinity is no number, and is not the minimum.
+        let t_leave = leave(0).min(leave(1)).min(leave(2));
+        for (axis, left) in left.into_iter().enumerate() {
             if self.step[axis] == 0 || self.t_next[axis] >= t_leave {
                 continue;
             }
-            let crossed = (1 + floor((t_leave - self.t_next[axis]) * self.rate[axis])).min(left[axis]);
+            let crossed = (1 + floor((t_leave - self.t_next[axis]) * self.rate[axis])).min(left);
             self.index[axis] += crossed * self.step[axis];
             self.t_next[axis] += f64::from(crossed) * self.t_delta[axis];
         }
@@ -104,10 +106,7 @@ mod tests {
     fn a_straight_and_a_slanted_ray_by_hand() {
         assert_eq!(voxels([0.5, 0.5, 0.5], [-1.0, 0.0, 0.0], 2.0), [[0, 0, 0], [-1, 0, 0], [-2, 0, 0]]);
         let s = 5.0f64.sqrt();
-        assert_eq!(
-            voxels([0.5, 0.6, 0.5], [2.0 / s, 1.0 / s, 0.0], 2.2),
-            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]]
-        );
+        assert_eq!(voxels([0.5, 0.6, 0.5], [2.0 / s, 1.0 / s, 0.0], 2.2), [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]]);
     }
 
     #[test]

@@ -61,7 +61,9 @@ impl DistanceField {
                 None => unknown = unknown.or(Some(at)),
                 Some(distance) if distance < margin_m => return LineOfSight::Blocked { at },
                 // Two cells of slack: strides must not jump over unknown cells unseen, and the interpolation is not exact.
-                Some(distance) => stride = stride.max(distance - margin_m - 2.0 * self.resolution_m()).min(MAX_STRIDE_M),
+                Some(distance) => {
+                    stride = stride.max(distance - margin_m - 2.0 * self.resolution_m()).min(MAX_STRIDE_M)
+                }
             }
             if along < end && along + stride > end {
                 along = end;

@@ -44,8 +44,10 @@ impl Volume {
         let floor = self.layers(floor_z_m - step_m, floor_z_m + step_m);
         let low = self.layers(floor_z_m, floor_z_m + step_m.max(0.3));
         let beneath = self.layers(floor_z_m - step_m - 3.0 * self.config.voxel_m, floor_z_m - step_m);
-        let mut grid = self.flatten(None, body, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
-        let floor_seen = self.flatten(None, floor, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
+        let mut grid =
+            self.flatten(None, body, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
+        let floor_seen =
+            self.flatten(None, floor, |column| if column.occupied > 0 { Cell::Occupied } else { Cell::Unknown });
         let half = ((low.1 - low.0 + 2) / 2) as u32;
         let low_free = self.count(None, low, |column| column.free);
         let drop = self.count(None, beneath, |column| column.free);
@@ -87,14 +89,21 @@ impl Volume {
 
     /// One value per column of the same grid as [`flatten`](Self::flatten).
     fn count<T>(&self, bounds: Option<[f64; 4]>, band: (i64, i64), judge: impl Fn(Column) -> T) -> Vec<T> {
-        let Some([low_x, low_y, high_x, high_y]) = self.grid_extent(bounds) else { return Vec::new() };
+        let Some([low_x, low_y, high_x, high_y]) = self.grid_extent(bounds) else {
+            return Vec::new();
+        };
         let (width, height) = ((high_x - low_x) as usize, (high_y - low_y) as usize);
         let mut columns = vec![Column::default(); width * height];
         for block in &self.blocks {
             let first = block.key.first_voxel().map(i64::from);
             let z_from = band.0.max(first[2]);
             let z_to = band.1.min(first[2] + 7);
-            if z_from > z_to || first[0] + 8 <= low_x || first[0] >= high_x || first[1] + 8 <= low_y || first[1] >= high_y {
+            if z_from > z_to
+                || first[0] + 8 <= low_x
+                || first[0] >= high_x
+                || first[1] + 8 <= low_y
+                || first[1] >= high_y
+            {
                 continue;
             }
             // Count up to eight layers for 64 columns at once: one word per binary digit of the sum.
@@ -125,7 +134,7 @@ impl Volume {
     /// Voxel ranges [x low, y low, x end, y end) of a grid.
     fn grid_extent(&self, bounds: Option<[f64; 4]>) -> Option<[i64; 4]> {
         if let Some(b) = bounds {
-            if b.iter().any(|v| !(v.abs() < 1e6)) || b[0] > b[2] || b[1] > b[3] {
+            if b.iter().any(|v| v.is_nan() || v.abs() >= 1e6) || b[0] > b[2] || b[1] > b[3] {
                 return None;
             }
             let q = b.map(|v| v / self.config.voxel_m);

@@ -66,7 +66,7 @@ impl Volume {
         out.write_all(&(c.max_blocks as u64).to_le_bytes())?;
         out.write_all(&self.revision.to_le_bytes())?;
         out.write_all(&(self.blocks.len() as u64).to_le_bytes())?;
-        let mut blocks: Vec<&Block> = self.blocks.iter().map(|b| &**b).collect();
+        let mut blocks: Vec<&Block> = self.blocks.iter().collect();
         blocks.sort_unstable_by_key(|b| b.key);
         let mut bytes = Vec::with_capacity(4096);
         for block in blocks {

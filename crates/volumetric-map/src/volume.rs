@@ -28,7 +28,7 @@ pub enum Cell {
 pub struct Volume {
     pub(crate) config: VolumeConfig,
     pub(crate) thresholds: Thresholds,
-    pub(crate) blocks: Vec<Box<Block>>,
+    pub(crate) blocks: Vec<Block>,
     index: FxHashMap<u64, u32>,
     /// Number of the last change (scan or vote).
     pub(crate) revision: u32,
@@ -97,8 +97,12 @@ impl Volume {
         let revision = self.revision;
         let mut counted = 0;
         for (point, label) in labelled {
-            let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else { continue };
-            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else { continue };
+            let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else {
+                continue;
+            };
+            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else {
+                continue;
+            };
             if *label == 0 {
                 continue;
             }
@@ -145,7 +149,7 @@ impl Volume {
         let mut voxel = [0; 3];
         for axis in 0..3 {
             let q = point[axis] / self.config.voxel_m;
-            if !(q.abs() < MAX_VOXEL_INDEX) {
+            if q.is_nan() || q.abs() >= MAX_VOXEL_INDEX {
                 return None;
             }
             voxel[axis] = floor(q);
@@ -156,7 +160,7 @@ impl Volume {
     /// Bytes taken by the blocks.
     pub fn memory_bytes(&self) -> usize {
         let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
-        self.blocks.len() * (size_of::<Block>() + 32) + votes
+        self.blocks.len() * size_of::<Block>() + votes
     }
 
     /// Checks everything that must hold between the parts; for tests.
@@ -182,7 +186,9 @@ impl Volume {
     }
 
     pub(crate) fn observe_voxel(&self, voxel: [i32; 3]) -> Cell {
-        let Some(block) = self.block(BlockKey::of_voxel(voxel)) else { return Cell::Unknown };
+        let Some(block) = self.block(BlockKey::of_voxel(voxel)) else {
+            return Cell::Unknown;
+        };
         let local = local_of(voxel);
         if contains(&block.occupied, local) {
             Cell::Occupied
@@ -200,7 +206,7 @@ impl Volume {
 
     #[inline]
     pub(crate) fn block(&self, key: BlockKey) -> Option<&Block> {
-        self.block_id(key).map(|id| &*self.blocks[id as usize])
+        self.block_id(key).map(|id| &self.blocks[id as usize])
     }
 
     /// Finds or makes a block; `None` when the volume is full.
@@ -219,7 +225,7 @@ impl Volume {
         let id = self.blocks.len() as u32;
         let key = block.key;
         self.index.insert(key.packed(), id);
-        self.blocks.push(Box::new(block));
+        self.blocks.push(block);
         for side in 0..6 {
             let neighbour = self.block_id(neighbour_key(key, side)).unwrap_or(NONE);
             self.blocks[id as usize].links[side] = neighbour;

@@ -3,8 +3,8 @@
 use nalgebra::{Point2, Point3};
 use proptest::prelude::*;
 use volumetric_map::{
-    Cell, DistanceField, LineOfSight, LoadError, Mesh, OccupancyGrid, PlaceConfig, PlaceEvent, PlaceGraph, Volume, VolumeConfig,
-    clearance, fill_islands,
+    Cell, DistanceField, LineOfSight, LoadError, Mesh, OccupancyGrid, PlaceConfig, PlaceEvent, PlaceGraph, Volume,
+    VolumeConfig, clearance, fill_islands,
 };
 
 /// A scan: a sensor position near the origin and points around, some of them hostile.
@@ -201,7 +201,10 @@ mod volume {
         let mut field = DistanceField::new(0.1, 2.0);
         field.update(&volume);
         assert_eq!(field.distance(&Point3::origin()), None);
-        assert_eq!(field.line_of_sight(&Point3::origin(), &Point3::origin(), 0.1), LineOfSight::Unknown { at: Point3::origin() });
+        assert_eq!(
+            field.line_of_sight(&Point3::origin(), &Point3::origin(), 0.1),
+            LineOfSight::Unknown { at: Point3::origin() }
+        );
         assert!(PlaceGraph::new(PlaceConfig::default()).unwrap().update(&field).is_empty());
     }
 }
@@ -345,7 +348,9 @@ mod distance {
     fn occupied_points_are_the_occupied_cells_of_the_box() {
         let mut volume = Volume::new(VolumeConfig::default()).unwrap();
         for _ in 0..4 {
-            volume.integrate(&Point3::origin(), &[Point3::new(1.02, 0.02, 0.02), Point3::new(0.02, 1.52, 0.02)]).unwrap();
+            volume
+                .integrate(&Point3::origin(), &[Point3::new(1.02, 0.02, 0.02), Point3::new(0.02, 1.52, 0.02)])
+                .unwrap();
         }
         let mut field = DistanceField::new(0.1, 2.0);
         field.update(&volume);
@@ -422,7 +427,8 @@ mod mesh {
         let delta = volume.update_mesh();
         assert!(!delta.removed.is_empty() && !delta.updated.is_empty());
         let mesh = volume.mesh();
-        let left = mesh.vertices.iter().filter(|v| (v.x - 1.5).abs() < 0.2 && v.y.abs() < 0.9 && v.z.abs() < 0.9).count();
+        let left =
+            mesh.vertices.iter().filter(|v| (v.x - 1.5).abs() < 0.2 && v.y.abs() < 0.9 && v.z.abs() < 0.9).count();
         let new = mesh.vertices.iter().filter(|v| (v.x - 2.4).abs() < 0.05).count();
         assert!(left * 100 <= new, "{left} left, {new} new");
     }

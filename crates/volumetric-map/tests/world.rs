@@ -25,6 +25,12 @@ fn mapped(world: &World, way: &[[f64; 2]], step_m: f64) -> Volume {
     volume
 }
 
+/// The two rooms, mapped once for all tests that only read.
+fn two_rooms_mapped() -> &'static Volume {
+    static MAP: std::sync::OnceLock<Volume> = std::sync::OnceLock::new();
+    MAP.get_or_init(|| mapped(&World::two_rooms(), &TWO_ROOMS_WAY, 0.1))
+}
+
 const TWO_ROOMS_WAY: [[f64; 2]; 5] = [[1.5, 1.2], [3.5, 2.0], [6.5, 2.0], [8.0, 2.6], [8.4, 3.0]];
 
 /// Ground cells that are wrong against the truth: occupied although more than `tolerance` from anything, and free although inside a
@@ -48,7 +54,7 @@ fn ground_errors(world: &World, grid: &OccupancyGrid, tolerance: f64) -> (usize,
 #[test]
 fn walls_legs_and_doors_of_two_rooms_are_right() {
     let world = World::two_rooms();
-    let volume = mapped(&world, &TWO_ROOMS_WAY, 0.1);
+    let volume = two_rooms_mapped();
     volume.check_invariants();
     let grid = volume.ground_grid(0.0, 0.10, 1.2);
     let (sticking_out, eaten) = ground_errors(&world, &grid, STICK_OUT_M);
@@ -65,7 +71,9 @@ fn walls_legs_and_doors_of_two_rooms_are_right() {
         assert!(is_closed, "wall at y = {y}");
     }
     // Every table leg is there.
-    for (x, y) in [(0.95, 2.7), (2.05, 2.7), (0.95, 3.3), (2.05, 3.3), (7.45, 0.7), (8.55, 0.7), (7.45, 1.3), (8.55, 1.3)] {
+    for (x, y) in
+        [(0.95, 2.7), (2.05, 2.7), (0.95, 3.3), (2.05, 3.3), (7.45, 0.7), (8.55, 0.7), (7.45, 1.3), (8.55, 1.3)]
+    {
         let c = [-0.02, 0.02];
         let found = c.iter().any(|dx| c.iter().any(|dy| grid.at(&Point2::new(x + dx, y + dy)) == Cell::Occupied));
         assert!(found, "leg at {x} {y}");
@@ -153,12 +161,16 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
     let world = World::two_rooms();
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();
     let mut lidar = Lidar::new(32, 512, NOISE_M, 4);
-    // Four times through the door and back: 40 m with 0.5 % of the way and 0.5 degrees per 10 m, as issue 2 has it.
+    // Three times through the door and back: 40 m with 0.5 % of the way and 0.5 degrees per 10 m, as issue 2 has it.
     let lap = [[1.5, 1.2], [3.5, 2.0], [6.5, 2.0], [8.0, 2.6], [6.5, 2.0], [3.5, 2.0]];
-    let way: Vec<[f64; 2]> = lap.iter().cycle().take(4 * lap.len() + 1).copied().collect();
+    let way: Vec<[f64; 2]> = lap.iter().cycle().take(3 * lap.len() + 1).copied().collect();
     let (mut doors, mut checks) = (0, 0);
-    let mut worst_stick_out = 0;
-    for (step, (sensor, travelled)) in drive(&way, LIDAR_HEIGHT, 0.12).into_iter().enumerate() {
+    let (mut ghosts, mut cells) = (0, 0);
+    let mut poses = drive(&way, LIDAR_HEIGHT, 0.12);
+    // Then stand for a second and a half.
+    let driven = poses.len();
+    poses.extend(vec![*poses.last().unwrap(); 15]);
+    for (step, (sensor, travelled)) in poses.into_iter().enumerate() {
         let drift = Isometry3::from_parts(
             Translation3::new(0.004 * travelled, 0.003 * travelled, 0.0),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (0.05 * travelled).to_radians()),
@@ -166,7 +178,8 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
         let estimate = drift * sensor;
         let points = in_world(&lidar.scan(&world, &sensor), &estimate);
         volume.integrate(&estimate.translation.vector.into(), &points).unwrap();
-        if step % 20 != 19 {
+        let is_end = step + 1 == driven + 15;
+        if step % 20 != 19 && !is_end {
             continue;
         }
         // Around the robot, the map must be right in the robot's own (drifted) frame: 2.5 m is what it needs to stop and turn.
@@ -188,12 +201,14 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
                 let origin = sensor.translation.vector;
                 let is_visible =
                     world.cast(&origin, &(in_true / length)).is_none_or(|(range, _)| range > length + 0.05);
+                cells += usize::from(is_visible);
                 if is_visible && world.flat_distance(true_c.x, true_c.y, 0.1, 1.2) > 0.08 {
                     stick_out += 1;
                 }
             }
         }
-        worst_stick_out = worst_stick_out.max(stick_out);
+        ghosts += stick_out;
+        assert!(!is_end || stick_out <= 2, "ghost cells in view after standing still: {stick_out}");
         if (sensor.translation.x - 5.0).abs() < 2.0 {
             checks += 1;
             let is_open = [-0.3, -0.15, 0.0, 0.15, 0.3].iter().all(|dy| {
@@ -205,15 +220,16 @@ fn a_drifting_robot_keeps_doors_open_and_walls_closed_where_it_is() {
     }
     assert!(checks >= 8);
     assert_eq!(doors, checks, "the door was open whenever the robot was near it");
-    assert!(worst_stick_out <= 3, "ghost cells in view: {worst_stick_out}");
+    // What was seen long ago from another drift and comes into view again is wrong for the moment it takes to look at it.
+    assert!(ghosts * 50 <= cells, "{ghosts} ghost cells of {cells} in view");
 }
 
 #[test]
 fn distances_sight_and_places_of_two_rooms_are_true() {
     let world = World::two_rooms();
-    let volume = mapped(&world, &TWO_ROOMS_WAY, 0.1);
+    let volume = two_rooms_mapped();
     let mut field = DistanceField::new(0.10, 2.0);
-    field.update(&volume);
+    field.update(volume);
     let cell = field.resolution_m();
     let mut worst = 0.0f64;
     for k in 0..2000 {
@@ -289,8 +305,7 @@ fn place_ids_stay_while_the_robot_goes_on() {
 
 #[test]
 fn clearance_in_the_door_is_half_its_width() {
-    let world = World::two_rooms();
-    let grid = mapped(&world, &TWO_ROOMS_WAY, 0.1).ground_grid(0.0, 0.10, 1.2);
+    let grid = two_rooms_mapped().ground_grid(0.0, 0.10, 1.2);
     let c = clearance(&grid, false);
     let (ix, iy) = grid.cell_of(&Point2::new(5.025, 2.0)).unwrap();
     let d = f64::from(c[iy * grid.width + ix]);

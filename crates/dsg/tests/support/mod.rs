@@ -29,7 +29,7 @@ impl Dice {
 
     /// Roughly normal, unit variance.
     pub fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
+        ((0..4).map(|_| self.unit()).sum::<f64>() - 2.0) * 3.0_f64.sqrt()
     }
 }
 
@@ -43,18 +43,8 @@ pub struct Thing {
     pub sides: Vector3<f64>,
 }
 
-pub fn thing(
-    label: &'static str,
-    look_alike: &'static str,
-    center: [f64; 3],
-    sides: [f64; 3],
-) -> Thing {
-    Thing {
-        label,
-        look_alike,
-        center: Point3::from(center),
-        sides: Vector3::from(sides),
-    }
+pub fn thing(label: &'static str, look_alike: &'static str, center: [f64; 3], sides: [f64; 3]) -> Thing {
+    Thing { label, look_alike, center: Point3::from(center), sides: Vector3::from(sides) }
 }
 
 /// Furniture of a flat along 12 m: chairs close together, small things close together on tables, a chair at a desk.
@@ -72,12 +62,7 @@ pub fn furniture() -> Vec<Thing> {
         thing("tv", "picture", [6.0, 0.2, 1.1], [1.1, 0.08, 0.65]),
         thing("desk", "table", [10.0, 0.5, 0.37], [1.4, 0.7, 0.74]),
         thing("monitor", "picture", [10.0, 0.4, 0.98], [0.55, 0.15, 0.42]),
-        thing(
-            "office chair",
-            "armchair",
-            [10.0, 1.4, 0.5],
-            [0.6, 0.6, 1.0],
-        ),
+        thing("office chair", "armchair", [10.0, 1.4, 0.5], [0.6, 0.6, 1.0]),
         thing("bookshelf", "cabinet", [11.8, 3.0, 0.9], [0.35, 1.0, 1.8]),
         thing("plant", "lamp", [8.2, 0.4, 0.5], [0.4, 0.4, 1.0]),
         thing("bed", "sofa", [14.0, 2.5, 0.3], [1.6, 2.0, 0.6]),
@@ -99,13 +84,7 @@ pub struct Trouble {
     pub noise_m: f64,
 }
 
-pub const USUAL: Trouble = Trouble {
-    confusion: 0.08,
-    miss: 0.15,
-    drift_m: 0.3,
-    heading_rad: 0.03,
-    noise_m: 0.015,
-};
+pub const USUAL: Trouble = Trouble { confusion: 0.08, miss: 0.15, drift_m: 0.3, heading_rad: 0.03, noise_m: 0.015 };
 
 /// The robot walks up and down the flat, `frames` frames at 2 Hz and 0.7 m/s.
 pub struct Walk {
@@ -130,10 +109,7 @@ impl Walk {
     pub fn map_from_world(&self, frame: usize) -> Isometry3<f64> {
         let share = frame as f64 / self.frames.max(1) as f64;
         let shift = Vector3::new(0.8, -0.6, 0.05) * (self.trouble.drift_m * share);
-        Isometry3::new(
-            shift,
-            Vector3::z() * (self.trouble.heading_rad * share / 4.0),
-        )
+        Isometry3::new(shift, Vector3::z() * (self.trouble.heading_rad * share / 4.0))
     }
 
     /// What the segmenter and the LiDAR give for a frame, with the index of the thing each piece shows.
@@ -156,15 +132,8 @@ impl Walk {
                 continue;
             }
             let is_confused = slow.unit() < self.trouble.confusion;
-            let label = if is_confused {
-                thing.look_alike
-            } else {
-                thing.label
-            };
-            let points = points
-                .iter()
-                .map(|p| (map_from_world * p).cast::<f32>())
-                .collect();
+            let label = if is_confused { thing.look_alike } else { thing.label };
+            let points = points.iter().map(|p| (map_from_world * p).cast::<f32>()).collect();
             evidence.push(ObjectEvidence {
                 stamp_ns: self.stamp_ns(frame),
                 label_weights: vec![(label.to_owned(), 1.0)],
@@ -180,12 +149,7 @@ impl Walk {
 }
 
 /// Points on the faces that look at the robot, about as dense as a spinning LiDAR's at this distance.
-fn visible_points(
-    thing: &Thing,
-    robot: &Point3<f64>,
-    noise_m: f64,
-    dice: &mut Dice,
-) -> Vec<Point3<f64>> {
+fn visible_points(thing: &Thing, robot: &Point3<f64>, noise_m: f64, dice: &mut Dice) -> Vec<Point3<f64>> {
     let distance = (thing.center - robot).norm().max(0.5);
     let mut points = Vec::new();
     for axis in 0..3 {

@@ -41,15 +41,8 @@ impl Noise {
 impl Scene {
     /// A 7 x 6 m room; the robot stands near its middle.
     pub fn living_room() -> Scene {
-        let mut scene = Scene {
-            names: vec!["room"],
-            blocks: Vec::new(),
-        };
-        let wall = |min: [f64; 3], max: [f64; 3]| Block {
-            thing: 0,
-            min: min.into(),
-            max: max.into(),
-        };
+        let mut scene = Scene { names: vec!["room"], blocks: Vec::new() };
+        let wall = |min: [f64; 3], max: [f64; 3]| Block { thing: 0, min: min.into(), max: max.into() };
         scene.blocks.extend([
             wall([-3.6, -3.1, -0.1], [3.6, 3.1, 0.0]),
             wall([-3.6, -3.1, 2.5], [3.6, 3.1, 2.6]),
@@ -85,13 +78,7 @@ impl Scene {
                 ([-2.6, 0.54, 0.0], [-2.54, 0.6, 0.5]),
             ],
         );
-        scene.add(
-            "sofa",
-            &[
-                ([-0.9, -2.95, 0.0], [0.9, -2.1, 0.42]),
-                ([-0.9, -2.95, 0.42], [0.9, -2.65, 0.85]),
-            ],
-        );
+        scene.add("sofa", &[([-0.9, -2.95, 0.0], [0.9, -2.1, 0.42]), ([-0.9, -2.95, 0.42], [0.9, -2.65, 0.85])]);
         scene.add("box", &[([1.9, -2.4, 0.0], [2.3, -2.0, 0.5])]);
         scene.add("post", &[([1.5, -1.75, 0.0], [1.6, -1.65, 2.0])]);
         scene.add("clock", &[([-3.5, 1.5, 1.2], [-3.46, 1.8, 1.5])]);
@@ -101,11 +88,7 @@ impl Scene {
     fn add(&mut self, name: &'static str, boxes: &[([f64; 3], [f64; 3])]) {
         let thing = self.names.len();
         self.names.push(name);
-        self.blocks.extend(boxes.iter().map(|(min, max)| Block {
-            thing,
-            min: (*min).into(),
-            max: (*max).into(),
-        }));
+        self.blocks.extend(boxes.iter().map(|(min, max)| Block { thing, min: (*min).into(), max: (*max).into() }));
     }
 
     /// Distance along a unit direction to the first block, and its thing.
@@ -130,21 +113,16 @@ impl Scene {
     /// The box around all blocks of a thing.
     pub fn bounds(&self, thing: usize) -> (Point3<f64>, Point3<f64>) {
         let blocks = self.blocks.iter().filter(|block| block.thing == thing);
-        blocks.fold(
-            (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3])),
-            |(min, max), block| (min.inf(&block.min), max.sup(&block.max)),
-        )
+        blocks.fold((Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3])), |(min, max), block| {
+            (min.inf(&block.min), max.sup(&block.max))
+        })
     }
 }
 
 /// The body's true motion: an arc with some bobbing, about 0.7 m/s and 0.5 rad/s.
 pub fn world_from_body(t_s: f64) -> Isometry3<f64> {
     let yaw = 0.5 * t_s + 0.1 * (6.0 * t_s).sin();
-    let position = Translation3::new(
-        0.7 * t_s - 0.3,
-        0.1 * t_s * t_s,
-        0.31 + 0.01 * (12.0 * t_s).sin(),
-    );
+    let position = Translation3::new(0.7 * t_s - 0.3, 0.1 * t_s * t_s, 0.31 + 0.01 * (12.0 * t_s).sin());
     let pitch = 0.02 * (12.0 * t_s).cos();
     Isometry3::from_parts(position, UnitQuaternion::from_euler_angles(0.0, pitch, yaw))
 }
@@ -157,11 +135,8 @@ pub fn trajectory(from_s: f64, to_s: f64, rate_hz: f64) -> Trajectory {
             let t = from_s + k as f64 / rate_hz;
             let (before, after) = (world_from_body(t - 1e-5), world_from_body(t + 1e-5));
             OdometryEstimate {
-                velocity_in_world_mps: (after.translation.vector - before.translation.vector)
-                    / 2e-5,
-                angular_velocity_in_body_radps: (before.rotation.inverse() * after.rotation)
-                    .scaled_axis()
-                    / 2e-5,
+                velocity_in_world_mps: (after.translation.vector - before.translation.vector) / 2e-5,
+                angular_velocity_in_body_radps: (before.rotation.inverse() * after.rotation).scaled_axis() / 2e-5,
                 ..OdometryEstimate::at_rest(Stamp(0).plus_seconds(t), world_from_body(t))
             }
         })
@@ -191,10 +166,7 @@ pub const TURNING_RADPS: f64 = std::f64::consts::PI;
 pub fn encoder(from_s: f64, to_s: f64, rate_radps: f64) -> EncoderTrack {
     let samples: Vec<EncoderSample> = (0..=((to_s - from_s) * 500.0).round() as usize)
         .map(|k| from_s + k as f64 / 500.0)
-        .map(|t| EncoderSample {
-            stamp: Stamp(0).plus_seconds(t),
-            angle_rad: rate_radps * t,
-        })
+        .map(|t| EncoderSample { stamp: Stamp(0).plus_seconds(t), angle_rad: rate_radps * t })
         .collect();
     EncoderTrack::from_samples(&samples).expect("samples advance")
 }
@@ -207,10 +179,7 @@ pub fn scan(
     range_noise_m: f64,
     noise: &mut Noise,
 ) -> (RawScan, Vec<usize>) {
-    let mut scan = RawScan {
-        start: Stamp(0).plus_seconds(start_s),
-        points: Vec::new(),
-    };
+    let mut scan = RawScan { start: Stamp(0).plus_seconds(start_s), points: Vec::new() };
     let mut things = Vec::new();
     for column in 0..1024 {
         let offset_ns = (column as f64 * 0.1e9 / 1024.0) as u32;
@@ -223,24 +192,14 @@ pub fn scan(
         let azimuth = std::f64::consts::TAU * f64::from(column) / 1024.0;
         for ring in 0..32_u16 {
             let elevation = (-22.5 + 45.0 * f64::from(ring) / 31.0).to_radians();
-            let direction = Vector3::new(
-                elevation.cos() * azimuth.cos(),
-                elevation.cos() * azimuth.sin(),
-                elevation.sin(),
-            );
+            let direction =
+                Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
             let origin = world_from_sensor * Point3::origin();
-            let Some((range, thing)) =
-                scene.cast(&origin, &(world_from_sensor.rotation * direction))
-            else {
+            let Some((range, thing)) = scene.cast(&origin, &(world_from_sensor.rotation * direction)) else {
                 continue;
             };
-            let position =
-                Point3::from(direction * (range + range_noise_m * noise.normal())).cast::<f32>();
-            scan.points.push(RawPoint {
-                position,
-                offset_ns,
-                ring,
-            });
+            let position = Point3::from(direction * (range + range_noise_m * noise.normal())).cast::<f32>();
+            scan.points.push(RawPoint { position, offset_ns, ring });
             things.push(thing);
         }
     }
@@ -248,34 +207,19 @@ pub fn scan(
 }
 
 /// The thing that each pixel truly shows, row by row.
-pub fn render(
-    scene: &Scene,
-    world_from_camera: &Isometry3<f64>,
-    camera: &Equirectangular,
-) -> Vec<usize> {
+pub fn render(scene: &Scene, world_from_camera: &Isometry3<f64>, camera: &Equirectangular) -> Vec<usize> {
     let origin = world_from_camera * Point3::origin();
-    let pixels =
-        (0..camera.height_px).flat_map(|row| (0..camera.width_px).map(move |column| (column, row)));
+    let pixels = (0..camera.height_px).flat_map(|row| (0..camera.width_px).map(move |column| (column, row)));
     pixels
         .map(|(column, row)| {
             let direction = camera.unproject(f64::from(column) + 0.5, f64::from(row) + 0.5);
-            scene
-                .cast(
-                    &origin,
-                    &(world_from_camera.rotation * direction.into_inner()),
-                )
-                .map_or(0, |hit| hit.1)
+            scene.cast(&origin, &(world_from_camera.rotation * direction.into_inner())).map_or(0, |hit| hit.1)
         })
         .collect()
 }
 
 /// Masks of all things as a segmenter gives them: grown over their border by `bleed_px` (a square).
-pub fn segment(
-    scene: &Scene,
-    image: &[usize],
-    camera: &Equirectangular,
-    bleed_px: i64,
-) -> Vec<Mask> {
+pub fn segment(scene: &Scene, image: &[usize], camera: &Equirectangular, bleed_px: i64) -> Vec<Mask> {
     let (width, height) = (i64::from(camera.width_px), i64::from(camera.height_px));
     let mut masks = Vec::new();
     for (thing, name) in scene.names.iter().enumerate().skip(1) {
@@ -292,14 +236,8 @@ pub fn segment(
             }
         }
         if rows.contains(&true) {
-            let rle =
-                Rle::from_rows(camera.width_px, camera.height_px, &rows).expect("whole image");
-            masks.push(Mask {
-                rle,
-                label: (*name).into(),
-                score: 0.8,
-                caption: format!("a {name}"),
-            });
+            let rle = Rle::from_rows(camera.width_px, camera.height_px, &rows).expect("whole image");
+            masks.push(Mask { rle, label: (*name).into(), score: 0.8, caption: format!("a {name}") });
         }
     }
     masks
@@ -321,39 +259,16 @@ impl Moment {
         Moment::with_motor(seed, range_noise_m, bleed_px, TURNING_RADPS)
     }
 
-    pub fn with_motor(
-        seed: u64,
-        range_noise_m: f64,
-        bleed_px: i64,
-        motor_rate_radps: f64,
-    ) -> Moment {
+    pub fn with_motor(seed: u64, range_noise_m: f64, bleed_px: i64, motor_rate_radps: f64) -> Moment {
         let scene = Scene::living_room();
         let mut noise = Noise(seed);
-        let (trajectory, encoder) = (
-            trajectory(-0.5, 0.5, 200.0),
-            encoder(-0.5, 0.5, motor_rate_radps),
-        );
+        let (trajectory, encoder) = (trajectory(-0.5, 0.5, 200.0), encoder(-0.5, 0.5, motor_rate_radps));
         let (mut points_in_world, mut things) = (Vec::new(), Vec::new());
         for k in 0..10 {
-            let (scan, mut of_scan) = scan(
-                &scene,
-                -0.5 + 0.1 * f64::from(k),
-                motor_rate_radps,
-                range_noise_m,
-                &mut noise,
-            );
-            let config = DeskewConfig {
-                min_range_m: 0.0,
-                ..DeskewConfig::default()
-            };
-            let deskewed = deskew(
-                &scan,
-                &encoder,
-                &mount(),
-                &trajectory,
-                ReferenceTime::End,
-                &config,
-            );
+            let (scan, mut of_scan) =
+                scan(&scene, -0.5 + 0.1 * f64::from(k), motor_rate_radps, range_noise_m, &mut noise);
+            let config = DeskewConfig { min_range_m: 0.0, ..DeskewConfig::default() };
+            let deskewed = deskew(&scan, &encoder, &mount(), &trajectory, ReferenceTime::End, &config);
             let deskewed = deskewed.expect("covered");
             assert_eq!(deskewed.points_in_body.len(), scan.points.len());
             points_in_world.extend(deskewed.points_in_world());
@@ -363,22 +278,10 @@ impl Moment {
         let world_from_camera = world_from_body(0.0) * body_from_camera();
         let image = render(&scene, &world_from_camera, &camera);
         let masks = segment(&scene, &image, &camera, bleed_px);
-        Moment {
-            scene,
-            points_in_world,
-            things,
-            image,
-            masks,
-            camera,
-            world_from_camera,
-        }
+        Moment { scene, points_in_world, things, image, masks, camera, world_from_camera }
     }
 
     pub fn panorama(&self) -> MaskedPanorama {
-        MaskedPanorama {
-            stamp: Stamp(0),
-            masks: self.masks.clone(),
-            image: None,
-        }
+        MaskedPanorama { stamp: Stamp(0), masks: self.masks.clone(), image: None }
     }
 }

@@ -12,33 +12,13 @@ impl Builder {
                 // A base cabinet whose top is a rim round a sunken basin, and a tap at the back.
                 let tap = 0.22;
                 let rim_top = h - tap;
-                self.span(
-                    (-x, x - 0.02),
-                    (-y, y),
-                    (0.0, rim_top - 0.18),
-                    shade(c, 0.9),
-                );
+                self.span((-x, x - 0.02), (-y, y), (0.0, rim_top - 0.18), shade(c, 0.9));
                 self.span((-x, -x + 0.12), (-y, y), (rim_top - 0.18, rim_top), c);
                 self.span((x - 0.07, x), (-y, y), (rim_top - 0.18, rim_top), c);
-                self.span(
-                    (-x + 0.12, x - 0.07),
-                    (-y, -y + 0.08),
-                    (rim_top - 0.18, rim_top),
-                    c,
-                );
-                self.span(
-                    (-x + 0.12, x - 0.07),
-                    (y - 0.08, y),
-                    (rim_top - 0.18, rim_top),
-                    c,
-                );
+                self.span((-x + 0.12, x - 0.07), (-y, -y + 0.08), (rim_top - 0.18, rim_top), c);
+                self.span((-x + 0.12, x - 0.07), (y - 0.08, y), (rim_top - 0.18, rim_top), c);
                 self.add(Solid::post(-x + 0.07, 0.0, rim_top, 0.018, tap), STEEL);
-                self.span(
-                    (-x + 0.06, -x + 0.24),
-                    (-0.015, 0.015),
-                    (h - 0.03, h),
-                    STEEL,
-                );
+                self.span((-x + 0.06, -x + 0.24), (-0.015, 0.015), (h - 0.03, h), STEEL);
             }
             Form::Stove => {
                 self.span((-x, x - 0.02), (-y, y), (0.0, h - 0.02), c);
@@ -55,35 +35,19 @@ impl Builder {
                 self.span((-x, x - 0.05), (-y, y), (0.0, h), shade(c, 0.92));
                 self.span((x - 0.05, x - 0.03), (-y, y), (0.05, split - 0.005), c);
                 self.span((x - 0.05, x - 0.03), (-y, y), (split + 0.005, h), c);
-                self.span(
-                    (x - 0.03, x),
-                    (y - 0.08, y - 0.05),
-                    (split + 0.15, split + 0.6),
-                    STEEL,
-                );
+                self.span((x - 0.03, x), (y - 0.08, y - 0.05), (split + 0.15, split + 0.6), STEEL);
             }
             Form::Washer => {
                 self.span((-x, x - 0.03), (-y, y), (0.0, h), c);
                 self.span((x - 0.03, x - 0.015), (-0.19, 0.19), (0.22, 0.60), STEEL);
                 self.span((x - 0.015, x), (-0.14, 0.14), (0.27, 0.55), DARK);
-                self.span(
-                    (x - 0.03, x - 0.01),
-                    (-y + 0.03, y - 0.03),
-                    (h - 0.12, h - 0.03),
-                    shade(c, 0.8),
-                );
+                self.span((x - 0.03, x - 0.01), (-y + 0.03, y - 0.03), (h - 0.12, h - 0.03), shade(c, 0.8));
                 self.surface((-x, x - 0.03), (-y, y), h, 1.0);
             }
             Form::Toilet => {
                 self.span((-x, -x + 0.18), (-y, y), (0.38, h), c);
-                self.add(
-                    Solid::block(-0.02, 0.0, 0.0, self.d * 0.55, self.w * 0.55, 0.36),
-                    shade(c, 0.95),
-                );
-                self.add(
-                    Solid::block(0.09, 0.0, 0.36, self.d - 0.18, self.w, 0.06),
-                    c,
-                );
+                self.add(Solid::block(-0.02, 0.0, 0.0, self.d * 0.55, self.w * 0.55, 0.36), shade(c, 0.95));
+                self.add(Solid::block(0.09, 0.0, 0.36, self.d - 0.18, self.w, 0.06), c);
             }
             Form::Bathtub => {
                 let t = 0.07;
@@ -96,19 +60,9 @@ impl Builder {
             Form::Copier => {
                 self.span((-x, x - 0.02), (-y, y), (0.0, 0.80), c);
                 for z in [0.12, 0.34, 0.56] {
-                    self.span(
-                        (x - 0.02, x),
-                        (-y + 0.04, y - 0.04),
-                        (z, z + 0.18),
-                        shade(c, 0.85),
-                    );
+                    self.span((x - 0.02, x), (-y + 0.04, y - 0.04), (z, z + 0.18), shade(c, 0.85));
                 }
-                self.span(
-                    (-x, x - 0.06),
-                    (-y + 0.05, y - 0.05),
-                    (0.80, h - 0.10),
-                    DARK,
-                );
+                self.span((-x, x - 0.06), (-y + 0.05, y - 0.05), (0.80, h - 0.10), DARK);
                 self.span((-x, x - 0.02), (-y, y), (h - 0.10, h), shade(c, 1.05));
             }
             _ => {

@@ -20,18 +20,10 @@ impl Builder {
                 self.add(Solid::block(0.0, 0.0, 0.0, self.d, 0.08, 0.06), DARK);
                 self.add(Solid::block(0.0, 0.0, 0.0, 0.08, self.w, 0.06), DARK);
                 self.add(Solid::post(0.0, 0.0, 0.06, 0.03, 0.36), DARK);
-                self.span(
-                    (-x + 0.03, x - 0.03),
-                    (-y + 0.04, y - 0.04),
-                    (0.42, 0.50),
-                    c,
-                );
+                self.span((-x + 0.03, x - 0.03), (-y + 0.04, y - 0.04), (0.42, 0.50), c);
                 self.span((-x, -x + 0.07), (-y + 0.06, y - 0.06), (0.50, h), c);
                 for s in [-1.0, 1.0] {
-                    self.add(
-                        Solid::block(0.0, s * (y - 0.02), 0.60, 0.30, 0.04, 0.04),
-                        DARK,
-                    );
+                    self.add(Solid::block(0.0, s * (y - 0.02), 0.60, 0.30, 0.04, 0.04), DARK);
                 }
             }
             Form::Stool => {
@@ -45,38 +37,21 @@ impl Builder {
                 self.span((-x, x), (-y, y), (0.06, 0.28), dark);
                 self.span((-x, -x + 0.22), (-y + arm, y - arm), (0.28, h), c);
                 for s in [-1.0, 1.0] {
-                    let (a, b) = if s < 0.0 {
-                        (-y, -y + arm)
-                    } else {
-                        (y - arm, y)
-                    };
+                    let (a, b) = if s < 0.0 { (-y, -y + arm) } else { (y - arm, y) };
                     self.span((-x, x), (a, b), (0.28, 0.60), c);
                 }
                 let seats = (((self.w - 2.0 * arm) / 0.7).round() as usize).max(1);
                 let step = (self.w - 2.0 * arm) / seats as f64;
                 for k in 0..seats {
                     let from = -y + arm + step * k as f64;
-                    self.span(
-                        (-x + 0.22, x - 0.01),
-                        (from + 0.01, from + step - 0.01),
-                        (0.28, 0.44),
-                        shade(c, 1.1),
-                    );
+                    self.span((-x + 0.22, x - 0.01), (from + 0.01, from + step - 0.01), (0.28, 0.44), shade(c, 1.1));
                 }
                 self.legs(0.06, 0.06, DARK);
-                self.surface(
-                    (-x + 0.24, x - 0.02),
-                    (-y + arm + 0.02, y - arm - 0.02),
-                    0.44,
-                    0.6,
-                );
+                self.surface((-x + 0.24, x - 0.02), (-y + arm + 0.02, y - arm - 0.02), 0.44, 0.6);
             }
             Form::Bench => {
                 for s in [-1.0, 1.0] {
-                    self.add(
-                        Solid::block(0.0, s * (y - 0.05), 0.0, self.d - 0.04, 0.06, h - 0.05),
-                        dark,
-                    );
+                    self.add(Solid::block(0.0, s * (y - 0.05), 0.0, self.d - 0.04, 0.06, h - 0.05), dark);
                 }
                 self.top(0.05, c);
             }
@@ -85,12 +60,7 @@ impl Builder {
                 self.span((-x, x), (-y, y), (0.10, 0.30), TERRACOTTA);
                 self.legs(0.10, 0.08, DARK);
                 self.span((-x, -x + 0.06), (-y, y), (0.30, h), TERRACOTTA);
-                self.span(
-                    (-x + 0.06, x - 0.02),
-                    (-y + 0.02, y - 0.02),
-                    (0.30, 0.48),
-                    PALE,
-                );
+                self.span((-x + 0.06, x - 0.02), (-y + 0.02, y - 0.02), (0.30, 0.48), PALE);
                 self.span((-x + 0.60, x), (-y, y), (0.30, 0.52), c);
                 self.surface((-x + 0.07, -x + 0.58), (-y + 0.05, y - 0.05), 0.48, 1.0);
             }
@@ -107,27 +77,14 @@ impl Builder {
             }
             Form::Desk => {
                 for s in [-1.0, 1.0] {
-                    self.add(
-                        Solid::block(0.0, s * (y - 0.02), 0.0, self.d - 0.04, 0.04, h - 0.03),
-                        dark,
-                    );
+                    self.add(Solid::block(0.0, s * (y - 0.02), 0.0, self.d - 0.04, 0.04, h - 0.03), dark);
                 }
-                self.span(
-                    (-x, -x + 0.03),
-                    (-y + 0.04, y - 0.04),
-                    (0.30, h - 0.03),
-                    dark,
-                );
+                self.span((-x, -x + 0.03), (-y + 0.04, y - 0.04), (0.30, h - 0.03), dark);
                 self.top(0.03, c);
             }
             Form::Bench2 => {
                 self.legs(h - 0.05, 0.06, STEEL);
-                self.span(
-                    (-x + 0.02, x - 0.02),
-                    (-y + 0.06, y - 0.06),
-                    (0.20, 0.23),
-                    STEEL,
-                );
+                self.span((-x + 0.02, x - 0.02), (-y + 0.06, y - 0.06), (0.20, 0.23), STEEL);
                 self.top(0.05, c);
             }
             Form::Counter => {
@@ -137,10 +94,7 @@ impl Builder {
             }
             Form::Shelf => {
                 for s in [-1.0, 1.0] {
-                    self.add(
-                        Solid::block(0.0, s * (y - 0.0125), 0.0, self.d, 0.025, h),
-                        c,
-                    );
+                    self.add(Solid::block(0.0, s * (y - 0.0125), 0.0, self.d, 0.025, h), c);
                 }
                 self.span((-x, -x + 0.012), (-y + 0.025, y - 0.025), (0.0, h), dark);
                 let boards = 5;
@@ -162,12 +116,7 @@ impl Builder {
                 let step = self.w / doors as f64;
                 for k in 0..doors {
                     let from = -y + step * k as f64;
-                    self.span(
-                        (x - 0.02, x),
-                        (from + 0.004, from + step - 0.004),
-                        (0.065, h - 0.004),
-                        shade(c, 1.06),
-                    );
+                    self.span((x - 0.02, x), (from + 0.004, from + step - 0.004), (0.065, h - 0.004), shade(c, 1.06));
                 }
                 if h < 1.35 {
                     self.surface((-x, x), (-y, y), h, 1.0);
@@ -179,18 +128,8 @@ impl Builder {
                 let step = (h - 0.05) / drawers as f64;
                 for k in 0..drawers {
                     let z = 0.05 + step * k as f64;
-                    self.span(
-                        (x - 0.02, x - 0.005),
-                        (-y + 0.01, y - 0.01),
-                        (z, z + step - 0.012),
-                        shade(c, 1.08),
-                    );
-                    self.span(
-                        (x - 0.005, x),
-                        (-0.06, 0.06),
-                        (z + step * 0.5, z + step * 0.5 + 0.02),
-                        STEEL,
-                    );
+                    self.span((x - 0.02, x - 0.005), (-y + 0.01, y - 0.01), (z, z + step - 0.012), shade(c, 1.08));
+                    self.span((x - 0.005, x), (-0.06, 0.06), (z + step * 0.5, z + step * 0.5 + 0.02), STEEL);
                 }
                 self.surface((-x, x - 0.02), (-y, y), h, 1.0);
             }
@@ -202,10 +141,7 @@ impl Builder {
                 self.add(Solid::block(0.0, 0.0, h - 0.12, 0.30, 0.03, 0.03), c);
                 self.add(Solid::block(0.0, 0.0, h - 0.18, 0.03, 0.30, 0.03), c);
                 self.add(
-                    Solid::Lump {
-                        center: Point3::new(0.10, 0.0, h - 0.50),
-                        radii: Vector3::new(0.10, 0.16, 0.34),
-                    },
+                    Solid::Lump { center: Point3::new(0.10, 0.0, h - 0.50), radii: Vector3::new(0.10, 0.16, 0.34) },
                     dark,
                 );
             }

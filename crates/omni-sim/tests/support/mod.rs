@@ -7,32 +7,15 @@ use omni_sim::noise::NoiseKey;
 use omni_sim::world::{Thing, World};
 
 /// A box, corners `low` and `high`, normals outwards.
-pub fn push_box(
-    mesh: &mut TriangleMesh,
-    low: [f32; 3],
-    high: [f32; 3],
-    instance: u32,
-    color: [u8; 3],
-) {
+pub fn push_box(mesh: &mut TriangleMesh, low: [f32; 3], high: [f32; 3], instance: u32, color: [u8; 3]) {
     let base = mesh.vertices.len() as u32;
     for i in 0..8 {
         let pick = |axis: usize| {
-            if i >> axis & 1 == 0 {
-                low[axis]
-            } else {
-                high[axis]
-            }
+            if i >> axis & 1 == 0 { low[axis] } else { high[axis] }
         };
         mesh.vertices.push(Point3::new(pick(0), pick(1), pick(2)));
     }
-    for quad in [
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-    ] {
+    for quad in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
         let q = quad.map(|i| base + i);
         push_quad(mesh, q, instance, color);
     }
@@ -68,8 +51,7 @@ pub fn push_round(
         }
     }
     mesh.vertices.push(Point3::new(foot[0], foot[1], foot[2]));
-    mesh.vertices
-        .push(Point3::new(foot[0], foot[1], foot[2] + height));
+    mesh.vertices.push(Point3::new(foot[0], foot[1], foot[2] + height));
     for s in 0..segments {
         let (a, b) = (base + s, base + (s + 1) % segments);
         let (c, d) = (a + segments, b + segments);
@@ -130,37 +112,13 @@ const CLASSES: [(&str, &str, [u8; 3]); 8] = [
 /// `segments` is the number of sides of round things (more: more triangles).
 pub fn flat(per_room: usize, segments: u32) -> (TriangleMesh, Vec<Thing>) {
     let mut mesh = TriangleMesh::default();
-    push_box(
-        &mut mesh,
-        [-0.1, -0.1, -0.1],
-        [15.1, 8.1, 0.0],
-        0,
-        [150, 125, 100],
-    );
-    push_box(
-        &mut mesh,
-        [-0.1, -0.1, 2.5],
-        [15.1, 8.1, 2.6],
-        0,
-        [245, 245, 245],
-    );
+    push_box(&mut mesh, [-0.1, -0.1, -0.1], [15.1, 8.1, 0.0], 0, [150, 125, 100]);
+    push_box(&mut mesh, [-0.1, -0.1, 2.5], [15.1, 8.1, 2.6], 0, [245, 245, 245]);
     for x in [0.0, 15.0] {
-        push_box(
-            &mut mesh,
-            [x - 0.05, -0.05, 0.0],
-            [x + 0.05, 8.05, 2.5],
-            0,
-            WALL,
-        );
+        push_box(&mut mesh, [x - 0.05, -0.05, 0.0], [x + 0.05, 8.05, 2.5], 0, WALL);
     }
     for y in [0.0, 8.0] {
-        push_box(
-            &mut mesh,
-            [0.05, y - 0.05, 0.0],
-            [14.95, y + 0.05, 2.5],
-            0,
-            WALL,
-        );
+        push_box(&mut mesh, [0.05, y - 0.05, 0.0], [14.95, y + 0.05, 2.5], 0, WALL);
     }
     for x in [5.0, 10.0] {
         for y in [0.05, 4.0] {
@@ -193,47 +151,17 @@ pub fn flat(per_room: usize, segments: u32) -> (TriangleMesh, Vec<Thing>) {
                 "plant" => push_round(&mut mesh, [x, y, 0.0], 0.2, 1.1, segments, id, rgb),
                 "lamp" => push_round(&mut mesh, [x, y, 0.0], 0.15, 1.6, segments, id, rgb),
                 "table" => {
-                    push_box(
-                        &mut mesh,
-                        [x - 0.4, y - 0.3, 0.7],
-                        [x + 0.4, y + 0.3, 0.74],
-                        id,
-                        rgb,
-                    );
+                    push_box(&mut mesh, [x - 0.4, y - 0.3, 0.7], [x + 0.4, y + 0.3, 0.74], id, rgb);
                     for (dx, dy) in [(-0.35, -0.25), (-0.35, 0.25), (0.35, -0.25), (0.35, 0.25)] {
                         let (a, b) = (x + dx, y + dy);
-                        push_box(
-                            &mut mesh,
-                            [a - 0.02, b - 0.02, 0.0],
-                            [a + 0.02, b + 0.02, 0.7],
-                            id,
-                            rgb,
-                        );
+                        push_box(&mut mesh, [a - 0.02, b - 0.02, 0.0], [a + 0.02, b + 0.02, 0.7], id, rgb);
                     }
                 }
                 "chair" => {
-                    push_box(
-                        &mut mesh,
-                        [x - 0.2, y - 0.2, 0.4],
-                        [x + 0.2, y + 0.2, 0.45],
-                        id,
-                        rgb,
-                    );
-                    push_box(
-                        &mut mesh,
-                        [x - 0.2, y - 0.2, 0.0],
-                        [x + 0.2, y - 0.15, 0.9],
-                        id,
-                        rgb,
-                    );
+                    push_box(&mut mesh, [x - 0.2, y - 0.2, 0.4], [x + 0.2, y + 0.2, 0.45], id, rgb);
+                    push_box(&mut mesh, [x - 0.2, y - 0.2, 0.0], [x + 0.2, y - 0.15, 0.9], id, rgb);
                 }
-                _ => push_box(
-                    &mut mesh,
-                    [x - 0.3, y - 0.25, 0.0],
-                    [x + 0.3, y + 0.25, 0.9],
-                    id,
-                    rgb,
-                ),
+                _ => push_box(&mut mesh, [x - 0.3, y - 0.25, 0.0], [x + 0.3, y + 0.25, 0.9], id, rgb),
             }
             things.push(Thing {
                 instance: id,
@@ -249,11 +177,7 @@ pub fn flat(per_room: usize, segments: u32) -> (TriangleMesh, Vec<Thing>) {
 /// Wall across `axis` at `at`, from `from` to `to` on the other axis, with a door in the middle.
 fn wall_with_door(mesh: &mut TriangleMesh, axis: usize, at: f32, from: f32, to: f32) {
     let middle = (from + to) / 2.0;
-    for (a, b, low) in [
-        (from, middle - 0.55, 0.0),
-        (middle + 0.55, to, 0.0),
-        (middle - 0.55, middle + 0.55, 2.05),
-    ] {
+    for (a, b, low) in [(from, middle - 0.55, 0.0), (middle + 0.55, to, 0.0), (middle - 0.55, middle + 0.55, 2.05)] {
         let (mut p, mut q) = ([0.0, 0.0, low], [0.0, 0.0, 2.5]);
         (p[axis], q[axis]) = (at - 0.05, at + 0.05);
         (p[1 - axis], q[1 - axis]) = (a, b);
@@ -264,21 +188,9 @@ fn wall_with_door(mesh: &mut TriangleMesh, axis: usize, at: f32, from: f32, to: 
 /// A person-like cylinder that walks 2 m along x in room 0 within four seconds.
 pub fn walker(instance: u32) -> Mover {
     let mut mesh = TriangleMesh::default();
-    push_round(
-        &mut mesh,
-        [0.0, 0.0, 0.0],
-        0.2,
-        1.7,
-        12,
-        instance,
-        [180, 60, 60],
-    );
+    push_round(&mut mesh, [0.0, 0.0, 0.0], 0.2, 1.7, 12, instance, [180, 60, 60]);
     let at = |x: f64| Isometry3::new(Vector3::new(x, 1.5, 0.0), Vector3::zeros());
-    Mover {
-        instance,
-        mesh,
-        path: vec![(0, at(1.5)), (4_000_000_000, at(3.5))],
-    }
+    Mover { instance, mesh, path: vec![(0, at(1.5)), (4_000_000_000, at(3.5))] }
 }
 
 /// The flat with a walker in it.

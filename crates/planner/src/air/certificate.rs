@@ -70,19 +70,10 @@ pub fn certify(
 }
 
 /// Bounds of one piece, as tight as needed to decide against the limits.
-pub(crate) fn bound(
-    piece: &Piece,
-    polytope: &Polytope,
-    max_speed_mps: f64,
-    max_accel_mps2: f64,
-) -> PieceBounds {
+pub(crate) fn bound(piece: &Piece, polytope: &Polytope, max_speed_mps: f64, max_accel_mps2: f64) -> PieceBounds {
     let norm = |points: &[Vector3<f64>]| points.iter().map(|p| p.norm()).fold(0.0, pick_larger);
-    let outside = |points: &[Vector3<f64>]| {
-        points
-            .iter()
-            .map(|p| -polytope.slack(p))
-            .fold(f64::NEG_INFINITY, pick_larger)
-    };
+    let outside =
+        |points: &[Vector3<f64>]| points.iter().map(|p| -polytope.slack(p)).fold(f64::NEG_INFINITY, pick_larger);
     PieceBounds {
         speed: upper(&piece.control_points(1), max_speed_mps, MAX_DEPTH, &norm),
         accel: upper(&piece.control_points(2), max_accel_mps2, MAX_DEPTH, &norm),
@@ -92,12 +83,7 @@ pub(crate) fn bound(
 
 /// An upper bound of a convex function over a Bernstein curve: its largest value on the control points, refined by
 /// halving while the bound is above the limit but the curve's own points are not.
-fn upper(
-    points: &[Vector3<f64>],
-    limit: f64,
-    depth: u32,
-    largest: &impl Fn(&[Vector3<f64>]) -> f64,
-) -> f64 {
+fn upper(points: &[Vector3<f64>], limit: f64, depth: u32, largest: &impl Fn(&[Vector3<f64>]) -> f64) -> f64 {
     let bound = largest(points);
     if bound <= limit || depth == 0 {
         return bound;
@@ -108,17 +94,10 @@ fn upper(
         return bound;
     }
     let (left, right) = halves(points);
-    pick_larger(
-        upper(&left, limit, depth - 1, largest),
-        upper(&right, limit, depth - 1, largest),
-    )
+    pick_larger(upper(&left, limit, depth - 1, largest), upper(&right, limit, depth - 1, largest))
 }
 
 /// Maximum that keeps NaN.
 fn pick_larger(a: f64, b: f64) -> f64 {
-    if a.is_nan() || b.is_nan() {
-        f64::NAN
-    } else {
-        a.max(b)
-    }
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

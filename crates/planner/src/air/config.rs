@@ -85,13 +85,8 @@ impl AirConfig {
             return Err(AirConfigError::NotPositive);
         }
         let height = self.preferred_height_m.unwrap_or(0.0);
-        let not_negative = [
-            self.margin_m,
-            self.height_weight,
-            self.nearness_weight,
-            self.obstacle_radius_m,
-            self.goal_pull_m,
-        ];
+        let not_negative =
+            [self.margin_m, self.height_weight, self.nearness_weight, self.obstacle_radius_m, self.goal_pull_m];
         if not_negative.iter().any(|v| !(v.is_finite() && *v >= 0.0)) || !height.is_finite() {
             return Err(AirConfigError::Negative);
         }

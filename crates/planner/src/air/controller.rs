@@ -76,25 +76,15 @@ impl GeometricController {
     }
 
     /// Thrust and torque toward a reference and a yaw (about world z, 0 = world x).
-    pub fn command(
-        &self,
-        state: &BodyState,
-        reference: &TrajectoryPoint,
-        yaw_rad: f64,
-    ) -> ThrustTorque {
+    pub fn command(&self, state: &BodyState, reference: &TrajectoryPoint, yaw_rad: f64) -> ThrustTorque {
         let force = self.force(state, reference);
         let body = state.world_from_body.to_rotation_matrix();
         let z_body = body * Vector3::z();
         let desired = attitude(&force, yaw_rad);
         // The direction of the thrust turns with the jerk: h = (j - (z.j) z) m / f.
         let z_d = desired * Vector3::z();
-        let turn = (reference.jerk - z_d * z_d.dot(&reference.jerk))
-            * (self.mass_kg / force.norm().max(1e-6));
-        let desired_rate = Vector3::new(
-            -turn.dot(&(desired * Vector3::y())),
-            turn.dot(&(desired * Vector3::x())),
-            0.0,
-        );
+        let turn = (reference.jerk - z_d * z_d.dot(&reference.jerk)) * (self.mass_kg / force.norm().max(1e-6));
+        let desired_rate = Vector3::new(-turn.dot(&(desired * Vector3::y())), turn.dot(&(desired * Vector3::x())), 0.0);
 
         let error = desired.matrix().transpose() * body.matrix();
         let skew = 0.5 * (error - error.transpose()); // Lee Eq. 10
@@ -102,15 +92,10 @@ impl GeometricController {
         let rate = state.angular_velocity_in_body_radps;
         let fed = error.transpose() * desired_rate;
         let rate_error = rate - fed; // Lee Eq. 11
-        let wanted = -self.attitude_gain.component_mul(&attitude_error)
-            - self.rate_gain.component_mul(&rate_error);
+        let wanted = -self.attitude_gain.component_mul(&attitude_error) - self.rate_gain.component_mul(&rate_error);
         // Lee Eq. 16, without the derivative of the desired rate (it needs the snap).
-        let torque_nm = self.inertia_kg_m2 * (wanted - rate.cross(&fed))
-            + rate.cross(&(self.inertia_kg_m2 * rate));
-        ThrustTorque {
-            thrust_n: force.dot(&z_body).max(0.0),
-            torque_nm,
-        }
+        let torque_nm = self.inertia_kg_m2 * (wanted - rate.cross(&fed)) + rate.cross(&(self.inertia_kg_m2 * rate));
+        ThrustTorque { thrust_n: force.dot(&z_body).max(0.0), torque_nm }
     }
 
     /// The wanted force, upright enough (Lee Eq. 12).
@@ -122,11 +107,8 @@ impl GeometricController {
             feedback *= self.max_feedback_mps2 / size;
         }
         let drag = state.world_from_body
-            * self
-                .drag_n_s_per_m
-                .component_mul(&state.world_from_body.inverse_transform_vector(&reference.v));
-        let mut force =
-            (feedback + reference.a + Vector3::z() * self.gravity_mps2) * self.mass_kg + drag;
+            * self.drag_n_s_per_m.component_mul(&state.world_from_body.inverse_transform_vector(&reference.v));
+        let mut force = (feedback + reference.a + Vector3::z() * self.gravity_mps2) * self.mass_kg + drag;
         // A vehicle cannot pull down: keep some thrust, and the tilt within its limit.
         force.z = force.z.max(0.2 * self.mass_kg * self.gravity_mps2);
         let (level, most) = (force.xy().norm(), force.z * self.max_tilt_rad.tan());
@@ -150,11 +132,7 @@ fn attitude(force: &Vector3<f64>, yaw_rad: f64) -> Rotation3<f64> {
 pub fn slew_yaw(yaw_rad: f64, wanted_rad: f64, max_rate_radps: f64, dt_s: f64) -> f64 {
     let wrap = |a: f64| {
         let turned = a.rem_euclid(std::f64::consts::TAU);
-        if turned > std::f64::consts::PI {
-            turned - std::f64::consts::TAU
-        } else {
-            turned
-        }
+        if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
     };
     let most = max_rate_radps * dt_s;
     wrap(yaw_rad + wrap(wanted_rad - yaw_rad).clamp(-most, most))
@@ -174,12 +152,7 @@ mod tests {
     }
 
     fn rest() -> TrajectoryPoint {
-        TrajectoryPoint {
-            p: Point3::origin(),
-            v: Vector3::zeros(),
-            a: Vector3::zeros(),
-            jerk: Vector3::zeros(),
-        }
+        TrajectoryPoint { p: Point3::origin(), v: Vector3::zeros(), a: Vector3::zeros(), jerk: Vector3::zeros() }
     }
 
     #[test]
@@ -192,23 +165,9 @@ mod tests {
     #[test]
     fn a_goal_ahead_pitches_it_forward_and_a_goal_left_rolls_it_left() {
         let c = GeometricController::new(2.0, Matrix3::identity() * 0.02);
-        let ahead = c.command(
-            &hover(),
-            &TrajectoryPoint {
-                p: Point3::new(0.5, 0.0, 0.0),
-                ..rest()
-            },
-            0.0,
-        );
+        let ahead = c.command(&hover(), &TrajectoryPoint { p: Point3::new(0.5, 0.0, 0.0), ..rest() }, 0.0);
         assert!(ahead.torque_nm.y > 0.01 && ahead.torque_nm.x.abs() < 1e-9);
-        let left = c.command(
-            &hover(),
-            &TrajectoryPoint {
-                p: Point3::new(0.0, 0.5, 0.0),
-                ..rest()
-            },
-            0.0,
-        );
+        let left = c.command(&hover(), &TrajectoryPoint { p: Point3::new(0.0, 0.5, 0.0), ..rest() }, 0.0);
         assert!(left.torque_nm.x < -0.01 && left.torque_nm.y.abs() < 1e-9);
         let turn = c.command(&hover(), &rest(), 0.3);
         assert!(turn.torque_nm.z > 0.01);

@@ -33,11 +33,7 @@ pub(crate) fn polytope_around(
     // Obstacles outside the box by less than what they demand bind as well.
     let mut open: Vec<Binding> = Vec::new();
     for o in surroundings.near(a, b, reach_m + surroundings.furthest_m()) {
-        if !polytope
-            .faces
-            .iter()
-            .any(|face| is_parted(face, &o.at, o.needed_m))
-        {
+        if !polytope.faces.iter().any(|face| is_parted(face, &o.at, o.needed_m)) {
             let nearest = nearest_on_segment(a, b, &o.at);
             let distance = (o.at - nearest).norm();
             open.push(Binding {
@@ -53,10 +49,7 @@ pub(crate) fn polytope_around(
     while let Some(o) = tightest(&open) {
         let normal = (o.at - o.nearest) / o.distance.max(1e-9);
         let keep = (o.distance - ROOM_M).clamp(o.needed_m, o.liked_m.max(o.needed_m));
-        let face = HalfSpace {
-            normal,
-            offset_m: normal.dot(&o.at) - keep,
-        };
+        let face = HalfSpace { normal, offset_m: normal.dot(&o.at) - keep };
         polytope.faces.push(face);
         open.retain(|other| other.at != o.at && !is_parted(&face, &other.at, other.needed_m));
     }
@@ -78,11 +71,7 @@ struct Binding {
 fn tightest(open: &[Binding]) -> Option<Binding> {
     let key = |o: &Binding| (o.spare, o.at.x, o.at.y, o.at.z);
     open.iter().copied().reduce(|best, o| {
-        if o.spare < best.spare || (o.spare == best.spare && key(&o) < key(&best)) {
-            o
-        } else {
-            best
-        }
+        if o.spare < best.spare || (o.spare == best.spare && key(&o) < key(&best)) { o } else { best }
     })
 }
 
@@ -95,12 +84,7 @@ fn is_parted(face: &HalfSpace, at: &Vector3<f64>, needed_m: f64) -> bool {
 pub(crate) fn deep_point(a: &Polytope, b: &Polytope, shared: &Vector3<f64>) -> Vector3<f64> {
     let tightest = |p: &Vector3<f64>| {
         let slack = |f: &HalfSpace| f.offset_m - f.normal.dot(p);
-        let face = a
-            .faces
-            .iter()
-            .chain(&b.faces)
-            .copied()
-            .reduce(|x, y| if slack(&y) < slack(&x) { y } else { x });
+        let face = a.faces.iter().chain(&b.faces).copied().reduce(|x, y| if slack(&y) < slack(&x) { y } else { x });
         face.map_or((f64::INFINITY, Vector3::zeros()), |f| (slack(&f), f.normal))
     };
     let mut p = *shared;

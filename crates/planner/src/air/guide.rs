@@ -24,13 +24,7 @@ pub(crate) struct Guide {
 }
 
 impl Guide {
-    pub fn new(
-        grid: &SearchGrid,
-        from: usize,
-        to: usize,
-        preferred_z: f64,
-        config: &AirConfig,
-    ) -> Guide {
+    pub fn new(grid: &SearchGrid, from: usize, to: usize, preferred_z: f64, config: &AirConfig) -> Guide {
         let (nx, ny) = (grid.size[0], grid.size[1]);
         let plane = nx * ny;
         let mut layers: Vec<usize> = Vec::new();
@@ -42,36 +36,19 @@ impl Guide {
         let mut prices = vec![0.0f32; plane];
         let mut price = |column: usize| {
             if prices[column] == 0.0 {
-                let free = layers
-                    .iter()
-                    .map(|layer| layer * plane + column)
-                    .find(|&node| grid.is_free(node));
-                prices[column] =
-                    free.map_or(-1.0, |node| grid.price(node, preferred_z, config) as f32);
+                let free = layers.iter().map(|layer| layer * plane + column).find(|&node| grid.is_free(node));
+                prices[column] = free.map_or(-1.0, |node| grid.price(node, preferred_z, config) as f32);
             }
             prices[column]
         };
-        let mut guide = Guide {
-            preferred_z,
-            goal: grid.position(to),
-            cost: vec![0.0; plane],
-        };
+        let mut guide = Guide { preferred_z, goal: grid.position(to), cost: vec![0.0; plane] };
         let (seed, start) = (to % plane, from % plane);
         let r = grid.resolution_m as f32;
         let mut heap = BinaryHeap::new();
         let mut enough = f32::INFINITY;
         guide.cost[seed] = 1.0;
-        heap.push(Entry {
-            estimate: 0.0,
-            cost: 0.0,
-            node: seed as u32,
-        });
-        while let Some(Entry {
-            cost: reached,
-            node,
-            ..
-        }) = heap.pop()
-        {
+        heap.push(Entry { estimate: 0.0, cost: 0.0, node: seed as u32 });
+        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
             let node = node as usize;
             if reached + 1.0 > guide.cost[node] {
                 continue;
@@ -85,26 +62,13 @@ impl Guide {
             }
             let here = price(node).max(1.0);
             let (x, y) = ((node % nx) as i64, (node / nx) as i64);
-            for (dx, dy) in [
-                (1i64, 0i64),
-                (0, 1),
-                (-1, 0),
-                (0, -1),
-                (1, 1),
-                (-1, 1),
-                (-1, -1),
-                (1, -1),
-            ] {
+            for (dx, dy) in [(1i64, 0i64), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)] {
                 let (ox, oy) = (x + dx, y + dy);
                 if ox < 0 || oy < 0 || ox >= nx as i64 || oy >= ny as i64 {
                     continue;
                 }
                 let other = oy as usize * nx + ox as usize;
-                let length = if dx != 0 && dy != 0 {
-                    r * std::f32::consts::SQRT_2
-                } else {
-                    r
-                };
+                let length = if dx != 0 && dy != 0 { r * std::f32::consts::SQRT_2 } else { r };
                 if guide.cost[other] != 0.0 && reached + length + 1.0 >= guide.cost[other] {
                     continue;
                 }
@@ -115,11 +79,7 @@ impl Guide {
                 let next = reached + length * 0.5 * (here + there);
                 if guide.cost[other] == 0.0 || next + 1.0 < guide.cost[other] {
                     guide.cost[other] = next + 1.0;
-                    heap.push(Entry {
-                        estimate: next,
-                        cost: next,
-                        node: other as u32,
-                    });
+                    heap.push(Entry { estimate: next, cost: next, node: other as u32 });
                 }
             }
         }
@@ -133,8 +93,7 @@ impl Guide {
             return (position - self.goal).norm() as f32;
         }
         let planar = planar - 1.0;
-        let climb =
-            ((position.z - self.preferred_z).abs() + (self.preferred_z - self.goal.z).abs()) as f32;
+        let climb = ((position.z - self.preferred_z).abs() + (self.preferred_z - self.goal.z).abs()) as f32;
         // Far from the goal the climb comes on top, near it the way is slanting.
         let slant = planar.hypot((position.z - self.goal.z) as f32);
         GREED * 0.5 * (planar + climb + slant)
@@ -154,11 +113,7 @@ impl Eq for Entry {}
 impl Ord for Entry {
     /// Cheapest estimate first, then the further one, then the lower number.
     fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .estimate
-            .total_cmp(&self.estimate)
-            .then(self.cost.total_cmp(&other.cost))
-            .then(other.node.cmp(&self.node))
+        other.estimate.total_cmp(&self.estimate).then(self.cost.total_cmp(&other.cost)).then(other.node.cmp(&self.node))
     }
 }
 

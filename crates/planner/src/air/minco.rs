@@ -61,16 +61,9 @@ impl<const ORDER: usize> Minco<ORDER> {
     ) -> Result<Self, MincoError> {
         let pieces = durations_s.len();
         if pieces == 0 || inner_points.len() + 1 != pieces {
-            return Err(MincoError::WrongLength {
-                pieces,
-                inner: inner_points.len(),
-            });
+            return Err(MincoError::WrongLength { pieces, inner: inner_points.len() });
         }
-        let finite = head
-            .iter()
-            .chain(tail)
-            .chain(inner_points)
-            .all(|v| v.iter().all(|x| x.is_finite()));
+        let finite = head.iter().chain(tail).chain(inner_points).all(|v| v.iter().all(|x| x.is_finite()));
         if !finite || durations_s.iter().any(|t| !(t.is_finite() && *t > 0.0)) {
             return Err(MincoError::NotFinite);
         }
@@ -124,12 +117,7 @@ impl<const ORDER: usize> Minco<ORDER> {
         for (row, c) in right.iter_mut().enumerate() {
             *c /= durations_s[row / width].powi((row % width) as i32);
         }
-        Ok(Minco {
-            durations_s: durations_s.to_vec(),
-            coefficients: right,
-            band,
-            row_scale,
-        })
+        Ok(Minco { durations_s: durations_s.to_vec(), coefficients: right, band, row_scale })
     }
 
     /// `2 * ORDER` coefficients per piece, ascending powers of local time.
@@ -150,10 +138,7 @@ impl<const ORDER: usize> Minco<ORDER> {
                 for j in ORDER..2 * ORDER {
                     for k in ORDER..2 * ORDER {
                         let power = j + k + 1 - 2 * ORDER;
-                        sum += factor(j, ORDER)
-                            * factor(k, ORDER)
-                            * c[j].dot(&c[k])
-                            * duration.powi(power as i32)
+                        sum += factor(j, ORDER) * factor(k, ORDER) * c[j].dot(&c[k]) * duration.powi(power as i32)
                             / power as f64;
                     }
                 }
@@ -173,11 +158,7 @@ impl<const ORDER: usize> Minco<ORDER> {
                     for (k, ck) in c.iter().enumerate().skip(ORDER) {
                         let power = j + k + 1 - 2 * ORDER;
                         sum += ck
-                            * (2.0
-                                * factor(j, ORDER)
-                                * factor(k, ORDER)
-                                * duration.powi(power as i32)
-                                / power as f64);
+                            * (2.0 * factor(j, ORDER) * factor(k, ORDER) * duration.powi(power as i32) / power as f64);
                     }
                 }
                 by_coefficients.push(sum);
@@ -192,21 +173,9 @@ impl<const ORDER: usize> Minco<ORDER> {
     ///
     /// # Panics
     /// If the lengths are not those of the coefficients and durations.
-    pub fn propagate(
-        &self,
-        by_coefficients: &[Vector3<f64>],
-        by_durations: &[f64],
-    ) -> MincoGradient {
-        assert_eq!(
-            by_coefficients.len(),
-            self.coefficients.len(),
-            "one gradient per coefficient"
-        );
-        assert_eq!(
-            by_durations.len(),
-            self.durations_s.len(),
-            "one gradient per duration"
-        );
+    pub fn propagate(&self, by_coefficients: &[Vector3<f64>], by_durations: &[f64]) -> MincoGradient {
+        assert_eq!(by_coefficients.len(), self.coefficients.len(), "one gradient per coefficient");
+        assert_eq!(by_durations.len(), self.durations_s.len(), "one gradient per duration");
         let width = 2 * ORDER;
         let mut adjoint: Vec<Vector3<f64>> = by_coefficients
             .iter()
@@ -218,15 +187,12 @@ impl<const ORDER: usize> Minco<ORDER> {
             *l *= *scale;
         }
         let pieces = self.durations_s.len();
-        let inner_points = (0..pieces - 1)
-            .map(|i| adjoint[width * (i + 1) - 1])
-            .collect();
+        let inner_points = (0..pieces - 1).map(|i| adjoint[width * (i + 1) - 1]).collect();
         let durations = self
             .pieces()
             .enumerate()
             .map(|(i, (duration, c))| {
-                let along =
-                    |row: usize, k: usize| adjoint[row].dot(&derivative(c, k + 1, duration));
+                let along = |row: usize, k: usize| adjoint[row].dot(&derivative(c, k + 1, duration));
                 let mut sum = 0.0;
                 if i + 1 < pieces {
                     for k in ORDER..width - 1 {
@@ -244,17 +210,11 @@ impl<const ORDER: usize> Minco<ORDER> {
                 by_durations[i] - sum
             })
             .collect();
-        MincoGradient {
-            inner_points,
-            durations,
-        }
+        MincoGradient { inner_points, durations }
     }
 
     fn pieces(&self) -> impl Iterator<Item = (f64, &[Vector3<f64>])> {
-        self.durations_s
-            .iter()
-            .copied()
-            .zip(self.coefficients.chunks_exact(2 * ORDER))
+        self.durations_s.iter().copied().zip(self.coefficients.chunks_exact(2 * ORDER))
     }
 }
 
@@ -283,11 +243,7 @@ struct Band {
 
 impl Band {
     fn new(n: usize, width: usize) -> Self {
-        Band {
-            n,
-            width,
-            values: vec![0.0; n * (2 * width + 1)],
-        }
+        Band { n, width, values: vec![0.0; n * (2 * width + 1)] }
     }
 
     fn index(&self, row: usize, column: usize) -> usize {
@@ -372,12 +328,7 @@ mod tests {
         let x = Vector3::new(1.0, 0.0, 0.0);
         let spline = Minco::<3>::solve(&[zero, zero, zero], &[x, zero, zero], &[], &[2.0]).unwrap();
         // 10 u^3 - 15 u^4 + 6 u^5 with u = t / 2; energy 720 / T^5.
-        for (c, expected) in
-            spline
-                .coefficients()
-                .iter()
-                .zip([0.0, 0.0, 0.0, 10.0 / 8.0, -15.0 / 16.0, 6.0 / 32.0])
-        {
+        for (c, expected) in spline.coefficients().iter().zip([0.0, 0.0, 0.0, 10.0 / 8.0, -15.0 / 16.0, 6.0 / 32.0]) {
             assert!((c.x - expected).abs() < 1e-12);
         }
         assert!((spline.energy() - 720.0 / 32.0).abs() < 1e-10);
@@ -387,16 +338,7 @@ mod tests {
     #[test]
     fn wrong_input_is_named() {
         let z = [Vector3::zeros(); 3];
-        assert_eq!(
-            Minco::<3>::solve(&z, &z, &[], &[]).err(),
-            Some(MincoError::WrongLength {
-                pieces: 0,
-                inner: 0
-            })
-        );
-        assert_eq!(
-            Minco::<3>::solve(&z, &z, &[], &[0.0]).err(),
-            Some(MincoError::NotFinite)
-        );
+        assert_eq!(Minco::<3>::solve(&z, &z, &[], &[]).err(), Some(MincoError::WrongLength { pieces: 0, inner: 0 }));
+        assert_eq!(Minco::<3>::solve(&z, &z, &[], &[0.0]).err(), Some(MincoError::NotFinite));
     }
 }

@@ -56,10 +56,8 @@ impl<'a> Surroundings<'a> {
             }
             Some((index[2] * size[1] + index[1]) * size[0] + index[0])
         };
-        let sorted: Vec<(usize, Vector3<f64>)> = points
-            .iter()
-            .filter_map(|p| bucket(p).map(|b| (b, p.coords)))
-            .collect();
+        let sorted: Vec<(usize, Vector3<f64>)> =
+            points.iter().filter_map(|p| bucket(p).map(|b| (b, p.coords))).collect();
         let mut first = vec![0u32; size[0] * size[1] * size[2] + 1];
         for (b, _) in &sorted {
             first[b + 1] += 1;
@@ -99,26 +97,17 @@ impl<'a> Surroundings<'a> {
         self.for_points(&low, &high, |p| {
             if (0..3).all(|axis| p[axis] >= low[axis] && p[axis] <= high[axis]) {
                 let needed_m = self.needed_m.min((p - self.start).norm() - 1e-6);
-                found.push(Obstacle {
-                    at: *p,
-                    needed_m,
-                    liked_m: self.needed_m + self.comfort_m,
-                });
+                found.push(Obstacle { at: *p, needed_m, liked_m: self.needed_m + self.comfort_m });
             }
         });
         // The centre may not enter unknown cells; how much of the body may is the map's business (it calls a point free).
         let needed_m = 0.45 * self.resolution_m;
         let shrink = Vector3::repeat((self.needed_m - self.resolution_m).max(0.0));
-        self.grid
-            .for_unknown_border(&(low + shrink), &(high - shrink), |at| {
-                let needed_m = needed_m.min((at - self.start).norm() - 1e-6);
-                found.push(Obstacle {
-                    at,
-                    needed_m,
-                    liked_m: needed_m + self.resolution_m,
-                });
-                true
-            });
+        self.grid.for_unknown_border(&(low + shrink), &(high - shrink), |at| {
+            let needed_m = needed_m.min((at - self.start).norm() - 1e-6);
+            found.push(Obstacle { at, needed_m, liked_m: needed_m + self.resolution_m });
+            true
+        });
         found
     }
 
@@ -134,9 +123,7 @@ impl<'a> Surroundings<'a> {
         if !clear {
             return false;
         }
-        let steps = ((b - a).norm() / (0.25 * self.resolution_m))
-            .ceil()
-            .max(1.0) as usize;
+        let steps = ((b - a).norm() / (0.25 * self.resolution_m)).ceil().max(1.0) as usize;
         let mut last = usize::MAX;
         for k in 0..=steps {
             let p = Point3::from(a + (b - a) * (k as f64 / steps as f64));
@@ -154,11 +141,9 @@ impl<'a> Surroundings<'a> {
         // The corridor needs a plane between the segment and every unknown cell.
         let reach = Vector3::repeat(self.resolution_m);
         let needed_m = 0.45 * self.resolution_m;
-        self.grid
-            .for_unknown_border(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
-                (at - nearest_on_segment(a, b, &at)).norm()
-                    >= needed_m.min((at - self.start).norm() - 1e-6)
-            })
+        self.grid.for_unknown_border(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
+            (at - nearest_on_segment(a, b, &at)).norm() >= needed_m.min((at - self.start).norm() - 1e-6)
+        })
     }
 
     /// Moves a point out of what it is too near to, by at most a cell: to the middle of a gap that the lattice misses.
@@ -167,11 +152,7 @@ impl<'a> Surroundings<'a> {
         let reach = Vector3::repeat(wanted + self.resolution_m);
         let mut near = Vec::new();
         self.for_points(&(point - reach), &(point + reach), |p| near.push(*p));
-        let least = |p: &Vector3<f64>| {
-            near.iter()
-                .map(|o| (o - p).norm())
-                .fold(f64::INFINITY, f64::min)
-        };
+        let least = |p: &Vector3<f64>| near.iter().map(|o| (o - p).norm()).fold(f64::INFINITY, f64::min);
         let mut best = (least(point), *point);
         let mut step = 0.5 * self.resolution_m;
         while step > 0.004 && best.0 < wanted {
@@ -194,20 +175,11 @@ impl<'a> Surroundings<'a> {
         best.1
     }
 
-    fn for_points(
-        &self,
-        low: &Vector3<f64>,
-        high: &Vector3<f64>,
-        mut visit: impl FnMut(&Vector3<f64>),
-    ) {
+    fn for_points(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut(&Vector3<f64>)) {
         let range = |axis: usize| {
             let last = self.size[axis] as f64 - 1.0;
-            let a = ((low[axis] - self.low[axis]) / BUCKET_M)
-                .floor()
-                .clamp(0.0, last);
-            let b = ((high[axis] - self.low[axis]) / BUCKET_M)
-                .floor()
-                .clamp(0.0, last);
+            let a = ((low[axis] - self.low[axis]) / BUCKET_M).floor().clamp(0.0, last);
+            let b = ((high[axis] - self.low[axis]) / BUCKET_M).floor().clamp(0.0, last);
             a as usize..=b as usize
         };
         for z in range(2) {
@@ -224,17 +196,9 @@ impl<'a> Surroundings<'a> {
 }
 
 /// The point of segment `a`-`b` nearest to `p`.
-pub(crate) fn nearest_on_segment(
-    a: &Vector3<f64>,
-    b: &Vector3<f64>,
-    p: &Vector3<f64>,
-) -> Vector3<f64> {
+pub(crate) fn nearest_on_segment(a: &Vector3<f64>, b: &Vector3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
     let u = b - a;
     let squared = u.norm_squared();
-    let t = if squared > 0.0 {
-        ((p - a).dot(&u) / squared).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let t = if squared > 0.0 { ((p - a).dot(&u) / squared).clamp(0.0, 1.0) } else { 0.0 };
     a + u * t
 }

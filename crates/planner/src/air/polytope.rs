@@ -25,24 +25,15 @@ impl Polytope {
         for axis in 0..3 {
             let mut normal = Vector3::zeros();
             normal[axis] = 1.0;
-            faces.push(HalfSpace {
-                normal,
-                offset_m: high[axis],
-            });
-            faces.push(HalfSpace {
-                normal: -normal,
-                offset_m: -low[axis],
-            });
+            faces.push(HalfSpace { normal, offset_m: high[axis] });
+            faces.push(HalfSpace { normal: -normal, offset_m: -low[axis] });
         }
         Polytope { faces }
     }
 
     /// Distance to the nearest face from inside; negative outside (the largest violation). Infinite without faces.
     pub fn slack(&self, point: &Vector3<f64>) -> f64 {
-        self.faces
-            .iter()
-            .map(|f| f.offset_m - f.normal.dot(point))
-            .fold(f64::INFINITY, f64::min)
+        self.faces.iter().map(|f| f.offset_m - f.normal.dot(point)).fold(f64::INFINITY, f64::min)
     }
 
     /// Whether the point is inside or on the border.

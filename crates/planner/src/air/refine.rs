@@ -47,15 +47,7 @@ pub(crate) fn refine(
     for _ in 0..=SPLIT_ROUNDS {
         match knots.stretch(head, &tail, corridor, clearance_m, config) {
             Outcome::Holds(times, refined) => {
-                return Some(knots.shrink(
-                    head,
-                    &tail,
-                    corridor,
-                    clearance_m,
-                    config,
-                    times,
-                    refined,
-                ));
+                return Some(knots.shrink(head, &tail, corridor, clearance_m, config, times, refined));
             }
             Outcome::Leaves(pieces) => knots.split(&pieces),
         }
@@ -83,11 +75,7 @@ impl Knots {
         for k in 1..corridor.len() {
             points[k] = deep_point(&corridor[k - 1], &corridor[k], &route[k]);
         }
-        Knots {
-            points,
-            polytope_of: (0..corridor.len()).collect(),
-            caution: vec![1.0; corridor.len()],
-        }
+        Knots { points, polytope_of: (0..corridor.len()).collect(), caution: vec![1.0; corridor.len()] }
     }
 
     /// Puts a point into the middle of the given pieces: both ends are in one convex polytope, so is the middle.
@@ -110,22 +98,11 @@ impl Knots {
         clearance_m: f64,
         config: &AirConfig,
     ) -> Option<Refined> {
-        let spline =
-            Minco::<3>::solve(head, tail, &self.points[1..self.points.len() - 1], times).ok()?;
+        let spline = Minco::<3>::solve(head, tail, &self.points[1..self.points.len() - 1], times).ok()?;
         let trajectory = PolynomialTrajectory::from_minco(&spline);
-        let certificate = certify(
-            &trajectory,
-            corridor,
-            &self.polytope_of,
-            config.max_speed_mps,
-            config.max_accel_mps2,
-            clearance_m,
-        );
-        Some(Refined {
-            trajectory,
-            polytope_of: self.polytope_of.clone(),
-            certificate,
-        })
+        let certificate =
+            certify(&trajectory, corridor, &self.polytope_of, config.max_speed_mps, config.max_accel_mps2, clearance_m);
+        Some(Refined { trajectory, polytope_of: self.polytope_of.clone(), certificate })
     }
 
     /// Slows down the pieces that are too fast until speed and acceleration hold; reports pieces that leave the corridor.
@@ -143,8 +120,7 @@ impl Knots {
         }
         let mut leaving = Vec::new();
         for _ in 0..STRETCH_ROUNDS {
-            let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config)
-            else {
+            let Some(refined) = self.solve(head, tail, &times, corridor, clearance_m, config) else {
                 break;
             };
             if refined.certificate.holds {
@@ -153,12 +129,7 @@ impl Knots {
             leaving.clear();
             let mut factors = vec![1.0f64; times.len()];
             for (k, piece) in refined.trajectory.pieces.iter().enumerate() {
-                let bounds = bound(
-                    piece,
-                    &corridor[self.polytope_of[k]],
-                    config.max_speed_mps,
-                    config.max_accel_mps2,
-                );
+                let bounds = bound(piece, &corridor[self.polytope_of[k]], config.max_speed_mps, config.max_accel_mps2);
                 if bounds.slack < 0.0 {
                     leaving.push(k);
                 }
@@ -229,13 +200,8 @@ fn trapezoid_times(points: &[Vector3<f64>], start_speed: f64, config: &AirConfig
     let (speed, accel) = (0.85 * config.max_speed_mps, 0.6 * config.max_accel_mps2);
     let v0 = start_speed.min(speed);
     // Time at arc length s: the speed is limited by the ramp up, the cruise and the ramp down.
-    let fastest = |s: f64| {
-        (v0 * v0 + 2.0 * accel * s)
-            .min(speed * speed)
-            .min(2.0 * accel * (total - s).max(0.0))
-            .max(0.0)
-            .sqrt()
-    };
+    let fastest =
+        |s: f64| (v0 * v0 + 2.0 * accel * s).min(speed * speed).min(2.0 * accel * (total - s).max(0.0)).max(0.0).sqrt();
     let mut times = Vec::with_capacity(lengths.len());
     let mut at = 0.0;
     for length in lengths {
@@ -281,45 +247,24 @@ fn stop_and_go(
         from = *end;
     }
     if pieces.is_empty() {
-        pieces.push(Piece {
-            duration_s: MIN_DURATION_S,
-            coefficients: vec![from],
-        });
+        pieces.push(Piece { duration_s: MIN_DURATION_S, coefficients: vec![from] });
         polytope_of.push(0);
     }
     let trajectory = PolynomialTrajectory { pieces };
-    let certificate = certify(
-        &trajectory,
-        corridor,
-        &polytope_of,
-        config.max_speed_mps,
-        config.max_accel_mps2,
-        clearance_m,
-    );
-    certificate.holds.then_some(Refined {
-        trajectory,
-        polytope_of,
-        certificate,
-    })
+    let certificate =
+        certify(&trajectory, corridor, &polytope_of, config.max_speed_mps, config.max_accel_mps2, clearance_m);
+    certificate.holds.then_some(Refined { trajectory, polytope_of, certificate })
 }
 
 /// The minimum-jerk line 10 u^3 - 15 u^4 + 6 u^5: top speed 1.875 l/T, top acceleration 10/sqrt(3) l/T^2. The 7 and 2.5
 /// are what the certificate can prove of them with room to spare.
 fn rest_to_rest(from: &Vector3<f64>, to: &Vector3<f64>, length: f64, config: &AirConfig) -> Piece {
-    let t = (2.5 * length / config.max_speed_mps)
-        .max((7.0 * length / config.max_accel_mps2).sqrt())
-        .max(MIN_DURATION_S);
+    let t =
+        (2.5 * length / config.max_speed_mps).max((7.0 * length / config.max_accel_mps2).sqrt()).max(MIN_DURATION_S);
     let d = to - from;
     let zero = Vector3::zeros();
     Piece {
         duration_s: t,
-        coefficients: vec![
-            *from,
-            zero,
-            zero,
-            d * (10.0 / t.powi(3)),
-            d * (-15.0 / t.powi(4)),
-            d * (6.0 / t.powi(5)),
-        ],
+        coefficients: vec![*from, zero, zero, d * (10.0 / t.powi(3)), d * (-15.0 / t.powi(4)), d * (6.0 / t.powi(5))],
     }
 }

@@ -19,27 +19,17 @@ pub(crate) fn lattice_route(
     config: &AirConfig,
     expansions: &mut usize,
 ) -> Result<(Vec<Vector3<f64>>, Point3<f64>), AirPlanError> {
-    let from = grid
-        .nearest_free(&start.p, START_PULL_M)
-        .ok_or(AirPlanError::StartBlocked)?;
+    let from = grid.nearest_free(&start.p, START_PULL_M).ok_or(AirPlanError::StartBlocked)?;
     let own = grid.node(goal).filter(|&node| grid.is_free(node));
     let to = match own {
         Some(node) => node,
-        None => grid
-            .nearest_free(goal, config.goal_pull_m)
-            .ok_or(AirPlanError::GoalBlocked)?,
+        None => grid.nearest_free(goal, config.goal_pull_m).ok_or(AirPlanError::GoalBlocked)?,
     };
     match grid.search(from, to, goal_height(goal, config), config, expansions) {
         SearchOutcome::NoRoute => Err(AirPlanError::NoRoute),
-        SearchOutcome::ExpansionLimit => Err(AirPlanError::SearchLimit {
-            expansions: *expansions,
-        }),
+        SearchOutcome::ExpansionLimit => Err(AirPlanError::SearchLimit { expansions: *expansions }),
         SearchOutcome::Found(points) => {
-            let end = if own.is_some() {
-                *goal
-            } else {
-                grid.position(to)
-            };
+            let end = if own.is_some() { *goal } else { grid.position(to) };
             let mut route = vec![start.p.coords];
             route.extend(points.iter().map(|p| p.coords));
             if own.is_some() {
@@ -51,19 +41,12 @@ pub(crate) fn lattice_route(
 }
 
 /// The box of the route grown by what its corridor can reach, inside what was searched.
-pub(crate) fn bounds_of(
-    route: &[Vector3<f64>],
-    grid: &SearchGrid,
-    config: &AirConfig,
-) -> (Point3<f64>, Point3<f64>) {
+pub(crate) fn bounds_of(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> (Point3<f64>, Point3<f64>) {
     let reach = Vector3::repeat(config.corridor_reach_m);
     let low = route.iter().fold(route[0], |m, p| m.inf(p)) - reach;
     let high = route.iter().fold(route[0], |m, p| m.sup(p)) + reach;
     let (grid_low, grid_high) = grid.bounds();
-    (
-        Point3::from(low.sup(&grid_low.coords)),
-        Point3::from(high.inf(&grid_high.coords)),
-    )
+    (Point3::from(low.sup(&grid_low.coords)), Point3::from(high.inf(&grid_high.coords)))
 }
 
 /// Cuts bends: from each kept point to the furthest later one that is clear and not dearer than the way round.
@@ -75,19 +58,12 @@ pub(crate) fn shortcut(
     preferred_z: f64,
     config: &AirConfig,
 ) -> Result<Vec<Vector3<f64>>, Point3<f64>> {
-    let price = |p: &Vector3<f64>| {
-        grid.node(&Point3::from(*p))
-            .map_or(1.0, |node| grid.price(node, preferred_z, config))
-    };
+    let price =
+        |p: &Vector3<f64>| grid.node(&Point3::from(*p)).map_or(1.0, |node| grid.price(node, preferred_z, config));
     let cost = |a: &Vector3<f64>, b: &Vector3<f64>| {
         let length = (b - a).norm();
-        let steps = (length / (2.0 * config.search_resolution_m))
-            .ceil()
-            .max(1.0) as usize;
-        (0..steps)
-            .map(|k| price(&(a + (b - a) * ((k as f64 + 0.5) / steps as f64))))
-            .sum::<f64>()
-            * length
+        let steps = (length / (2.0 * config.search_resolution_m)).ceil().max(1.0) as usize;
+        (0..steps).map(|k| price(&(a + (b - a) * ((k as f64 + 0.5) / steps as f64)))).sum::<f64>() * length
             / steps as f64
     };
     let mut along = vec![0.0];
@@ -99,8 +75,7 @@ pub(crate) fn shortcut(
     while at + 1 < route.len() {
         let good = |to: usize| {
             let way_round = along[to] - along[at];
-            cost(&route[at], &route[to]) <= 1.1 * way_round + 1e-9
-                && surroundings.is_clear(&route[at], &route[to])
+            cost(&route[at], &route[to]) <= 1.1 * way_round + 1e-9 && surroundings.is_clear(&route[at], &route[to])
         };
         // The furthest of a ladder of lengths, then refined by bisection.
         let mut next = at;

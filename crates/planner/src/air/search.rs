@@ -121,11 +121,7 @@ impl<'a> SearchGrid<'a> {
     }
 
     fn index(&self, node: usize) -> [usize; 3] {
-        [
-            node % self.size[0],
-            node / self.size[0] % self.size[1],
-            node / (self.size[0] * self.size[1]),
-        ]
+        [node % self.size[0], node / self.size[0] % self.size[1], node / (self.size[0] * self.size[1])]
     }
 
     /// Position of a lattice point.
@@ -162,8 +158,8 @@ impl<'a> SearchGrid<'a> {
         let mut range = [(0usize, 0usize); 3];
         for axis in 0..3 {
             let cell = |v: f64| {
-                ((v / self.resolution_m).floor() - self.low[axis] as f64)
-                    .clamp(0.0, self.size[axis] as f64 - 1.0) as usize
+                ((v / self.resolution_m).floor() - self.low[axis] as f64).clamp(0.0, self.size[axis] as f64 - 1.0)
+                    as usize
             };
             range[axis] = (cell(low[axis]), cell(high[axis]));
         }
@@ -178,8 +174,7 @@ impl<'a> SearchGrid<'a> {
                     let index = [x, y, z];
                     let borders = (0..3).any(|axis| {
                         (index[axis] > 0 && self.is_known(node - strides[axis]))
-                            || (index[axis] + 1 < self.size[axis]
-                                && self.is_known(node + strides[axis]))
+                            || (index[axis] + 1 < self.size[axis] && self.is_known(node + strides[axis]))
                     });
                     if borders && !visit(self.position(node).coords) {
                         return false;
@@ -200,8 +195,7 @@ impl<'a> SearchGrid<'a> {
 
     /// Whether the centre of the body may be at the lattice point.
     pub fn is_free(&self, node: usize) -> bool {
-        self.clearance(node)
-            .is_some_and(|c| c >= self.needed_m - self.lenience_m)
+        self.clearance(node).is_some_and(|c| c >= self.needed_m - self.lenience_m)
             && (self.forbidden.is_empty() || self.forbidden.binary_search(&node).is_err())
     }
 
@@ -218,9 +212,7 @@ impl<'a> SearchGrid<'a> {
         for dz in -2..=2 {
             for dy in -2..=2 {
                 for dx in -2..=2 {
-                    let near = place
-                        + Vector3::new(f64::from(dx), f64::from(dy), f64::from(dz))
-                            * self.resolution_m;
+                    let near = place + Vector3::new(f64::from(dx), f64::from(dy), f64::from(dz)) * self.resolution_m;
                     self.forbidden.extend(self.node(&near));
                 }
             }
@@ -247,18 +239,14 @@ impl<'a> SearchGrid<'a> {
             }
         }
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        candidates
-            .into_iter()
-            .map(|(_, node)| node)
-            .find(|&node| self.is_free(node))
+        candidates.into_iter().map(|(_, node)| node).find(|&node| self.is_free(node))
     }
 
     /// How much dearer a metre is here: near obstacles and off the preferred height.
     pub fn price(&self, node: usize, preferred_z: f64, config: &AirConfig) -> f64 {
         let spare = self.clearance(node).unwrap_or(0.0) - config.clearance_m();
         let near = (1.0 - spare / config.comfort_m).clamp(0.0, 1.0);
-        let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5)
-            * self.resolution_m;
+        let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5) * self.resolution_m;
         1.0 + config.nearness_weight * near * near + config.height_weight * (z - preferred_z).abs()
     }
 
@@ -280,11 +268,7 @@ impl<'a> SearchGrid<'a> {
         let mut price = |node: usize| {
             if prices[node] == 0.0 {
                 let free = self.is_free(node);
-                prices[node] = if free {
-                    self.price(node, preferred_z, config) as f32
-                } else {
-                    -1.0
-                };
+                prices[node] = if free { self.price(node, preferred_z, config) as f32 } else { -1.0 };
             }
             prices[node]
         };
@@ -293,17 +277,8 @@ impl<'a> SearchGrid<'a> {
         let bound = |node: usize| guide.cost_to_go(self, node);
         let mut heap = BinaryHeap::new();
         cost[from] = 1.0;
-        heap.push(Entry {
-            estimate: bound(from),
-            cost: 0.0,
-            node: from as u32,
-        });
-        while let Some(Entry {
-            cost: reached,
-            node,
-            ..
-        }) = heap.pop()
-        {
+        heap.push(Entry { estimate: bound(from), cost: 0.0, node: from as u32 });
+        while let Some(Entry { cost: reached, node, .. }) = heap.pop() {
             let node = node as usize;
             if reached + 1.0 > cost[node] {
                 continue;
@@ -339,11 +314,7 @@ impl<'a> SearchGrid<'a> {
                 if cost[other] == 0.0 || next + 1.0 < cost[other] {
                     cost[other] = next + 1.0;
                     came[other] = k as u8;
-                    heap.push(Entry {
-                        estimate: next + bound(other),
-                        cost: next,
-                        node: other as u32,
-                    });
+                    heap.push(Entry { estimate: next + bound(other), cost: next, node: other as u32 });
                 }
             }
         }
@@ -368,13 +339,8 @@ impl<'a> SearchGrid<'a> {
                 for dx in -1i64..=1 {
                     if (dx, dy, dz) != (0, 0, 0) {
                         let offset = (dz * self.size[1] as i64 + dy) * self.size[0] as i64 + dx;
-                        let length =
-                            ((dx * dx + dy * dy + dz * dz) as f64).sqrt() * self.resolution_m;
-                        steps.push(Step {
-                            shift: [dx, dy, dz],
-                            offset,
-                            length: length as f32,
-                        });
+                        let length = ((dx * dx + dy * dy + dz * dz) as f64).sqrt() * self.resolution_m;
+                        steps.push(Step { shift: [dx, dy, dz], offset, length: length as f32 });
                     }
                 }
             }

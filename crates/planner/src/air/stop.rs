@@ -9,12 +9,7 @@ use super::trajectory::{Piece, PolynomialTrajectory};
 /// of a fixed ladder whose acceleration stays within `max_accel_mps2` (a start that is beyond it already is brought
 /// back as gently as the ladder allows).
 pub fn stop_trajectory(start: &super::FlightState, max_accel_mps2: f64) -> PolynomialTrajectory {
-    PolynomialTrajectory {
-        pieces: vec![stop_piece(
-            &[start.p.coords, start.v, start.a],
-            max_accel_mps2,
-        )],
-    }
+    PolynomialTrajectory { pieces: vec![stop_piece(&[start.p.coords, start.v, start.a], max_accel_mps2)] }
 }
 
 /// One piece from a state to rest.
@@ -39,15 +34,9 @@ fn piece_of(head: &[Vector3<f64>; 3], t: f64) -> Piece {
     let end = head[0] + head[1] * (0.5 * t) + head[2] * (t * t / 12.0);
     let zero = Vector3::zeros();
     match Minco::<3>::solve(head, &[end, zero, zero], &[], &[t]) {
-        Ok(spline) => Piece {
-            duration_s: t,
-            coefficients: spline.coefficients().to_vec(),
-        },
+        Ok(spline) => Piece { duration_s: t, coefficients: spline.coefficients().to_vec() },
         // A state that is not finite: stay.
-        Err(_) => Piece {
-            duration_s: t,
-            coefficients: vec![head[0]],
-        },
+        Err(_) => Piece { duration_s: t, coefficients: vec![head[0]] },
     }
 }
 

@@ -40,10 +40,7 @@ impl PolynomialTrajectory {
             .durations_s()
             .iter()
             .zip(spline.coefficients().chunks_exact(2 * ORDER))
-            .map(|(&duration_s, c)| Piece {
-                duration_s,
-                coefficients: c.to_vec(),
-            })
+            .map(|(&duration_s, c)| Piece { duration_s, coefficients: c.to_vec() })
             .collect();
         PolynomialTrajectory { pieces }
     }
@@ -63,16 +60,8 @@ impl PolynomialTrajectory {
             }
             t -= piece.duration_s;
         }
-        let p = self
-            .pieces
-            .last()
-            .map_or(Point3::origin(), |piece| piece.sample(piece.duration_s).p);
-        TrajectoryPoint {
-            p,
-            v: Vector3::zeros(),
-            a: Vector3::zeros(),
-            jerk: Vector3::zeros(),
-        }
+        let p = self.pieces.last().map_or(Point3::origin(), |piece| piece.sample(piece.duration_s).p);
+        TrajectoryPoint { p, v: Vector3::zeros(), a: Vector3::zeros(), jerk: Vector3::zeros() }
     }
 }
 
@@ -80,12 +69,7 @@ impl Piece {
     /// State at a local time.
     pub fn sample(&self, t_s: f64) -> TrajectoryPoint {
         let at = |k| derivative(&self.coefficients, k, t_s);
-        TrajectoryPoint {
-            p: Point3::from(at(0)),
-            v: at(1),
-            a: at(2),
-            jerk: at(3),
-        }
+        TrajectoryPoint { p: Point3::from(at(0)), v: at(1), a: at(2), jerk: at(3) }
     }
 
     /// Bernstein control points of the k-th derivative over the whole piece: the curve lies in their convex hull.
@@ -103,11 +87,7 @@ impl Piece {
             })
             .collect();
         (0..=n)
-            .map(|i| {
-                (0..=i).fold(Vector3::zeros(), |sum, j| {
-                    sum + powers[j] * (binomial(i, j) / binomial(n, j))
-                })
-            })
+            .map(|i| (0..=i).fold(Vector3::zeros(), |sum, j| sum + powers[j] * (binomial(i, j) / binomial(n, j))))
             .collect()
     }
 }
@@ -136,10 +116,7 @@ mod tests {
 
     fn piece() -> Piece {
         let c = |k: usize| Vector3::new(k as f64 - 2.0, 0.5 * k as f64, -(k as f64) * 0.3);
-        Piece {
-            duration_s: 1.7,
-            coefficients: (0..6).map(c).collect(),
-        }
+        Piece { duration_s: 1.7, coefficients: (0..6).map(c).collect() }
     }
 
     #[test]
@@ -151,17 +128,13 @@ mod tests {
             assert!((points[points.len() - 1] - derivative(&p.coefficients, k, 1.7)).norm() < 1e-9);
             let (left, right) = halves(&points);
             let middle = derivative(&p.coefficients, k, 0.85);
-            assert!(
-                (left[left.len() - 1] - middle).norm() < 1e-9 && (right[0] - middle).norm() < 1e-9
-            );
+            assert!((left[left.len() - 1] - middle).norm() < 1e-9 && (right[0] - middle).norm() < 1e-9);
         }
     }
 
     #[test]
     fn after_the_end_it_rests_there() {
-        let t = PolynomialTrajectory {
-            pieces: vec![piece()],
-        };
+        let t = PolynomialTrajectory { pieces: vec![piece()] };
         let end = t.sample(99.0);
         assert_eq!(end.p, piece().sample(1.7).p);
         assert_eq!(end.v, Vector3::zeros());

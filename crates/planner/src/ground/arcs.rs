@@ -23,9 +23,8 @@ impl LocalPolicy {
         let c = &self.config;
         let nearness = ((clearance_m - c.margin_m) / c.slow_clearance_m).clamp(0.3, 1.0);
         let straightness = (1.0 - error.abs() / 1.3).max(0.15);
-        let wanted = (c.max_speed_mps * nearness * straightness)
-            .min((1.4 * c.max_accel_mps2 * remaining).sqrt())
-            .max(0.05);
+        let wanted =
+            (c.max_speed_mps * nearness * straightness).min((1.4 * c.max_accel_mps2 * remaining).sqrt()).max(0.05);
         let mut ways: Vec<(f64, Twist)> = Vec::with_capacity(64);
         for share in [1.0, 0.6, 0.3] {
             for offset in [0.0, 0.2, -0.2, 0.45, -0.45, 0.8, -0.8, 1.2, -1.2] {
@@ -36,24 +35,12 @@ impl LocalPolicy {
         if vy > 0.0 {
             for share in [0.0, 0.4] {
                 for side in [vy, -vy] {
-                    ways.push((
-                        0.0,
-                        Twist {
-                            vy: side,
-                            ..self.steer(wanted * share, error, 0.0)
-                        },
-                    ));
+                    ways.push((0.0, Twist { vy: side, ..self.steer(wanted * share, error, 0.0) }));
                 }
             }
         }
         for w in [0.6, -0.6] {
-            ways.push((
-                0.0,
-                Twist {
-                    w: w * c.max_yaw_rate_radps,
-                    ..Twist::default()
-                },
-            ));
+            ways.push((0.0, Twist { w: w * c.max_yaw_rate_radps, ..Twist::default() }));
         }
         ways.push((0.0, Twist::default()));
         for way in &mut ways {
@@ -73,18 +60,10 @@ impl LocalPolicy {
         let (s_end, off_path) = path.project(&end);
         let progress = (s_end - s) / (wanted * c.horizon_s);
         let onward = path.toward(&end, s_end, c.lookahead_m);
-        let heading = if onward.norm() > 0.1 {
-            wrap(onward.y.atan2(onward.x) - roll.end.yaw).abs()
-        } else {
-            0.0
-        };
-        let near =
-            ((c.slow_clearance_m - roll.clearance_bound_m) / c.slow_clearance_m).clamp(0.0, 1.5);
-        let hit = roll
-            .hit_s
-            .map_or(0.0, |t| 2.0 + 2.0 * (1.0 - t / c.horizon_s));
-        let change =
-            (way.w - self.last.w).abs() / c.max_yaw_rate_radps + (way.vy - self.last.vy).abs();
+        let heading = if onward.norm() > 0.1 { wrap(onward.y.atan2(onward.x) - roll.end.yaw).abs() } else { 0.0 };
+        let near = ((c.slow_clearance_m - roll.clearance_bound_m) / c.slow_clearance_m).clamp(0.0, 1.5);
+        let hit = roll.hit_s.map_or(0.0, |t| 2.0 + 2.0 * (1.0 - t / c.horizon_s));
+        let change = (way.w - self.last.w).abs() / c.max_yaw_rate_radps + (way.vy - self.last.vy).abs();
         3.0 * (1.0 - progress.clamp(-1.0, 1.0))
             + 1.0 * off_path
             + 0.4 * heading
@@ -95,22 +74,11 @@ impl LocalPolicy {
 
     /// Where `way` leads within `time_s`, up to the first contact. With a path: `way` for the first half, then back to
     /// the path by pure pursuit, which tells a detour from a wrong way.
-    pub(super) fn roll_out(
-        &self,
-        pose: &Pose,
-        now: &Twist,
-        way: &Twist,
-        time_s: f64,
-        path: Option<&Path>,
-    ) -> RollOut {
+    pub(super) fn roll_out(&self, pose: &Pose, now: &Twist, way: &Twist, time_s: f64, path: Option<&Path>) -> RollOut {
         let c = &self.config;
         let steps = 16;
         let dt_s = time_s / f64::from(steps);
-        let mut roll = RollOut {
-            end: *pose,
-            hit_s: None,
-            clearance_bound_m: f64::INFINITY,
-        };
+        let mut roll = RollOut { end: *pose, hit_s: None, clearance_bound_m: f64::INFINITY };
         let mut twist = *now;
         for k in 0..steps {
             let target = match path {
@@ -140,11 +108,7 @@ impl LocalPolicy {
     fn pursuit(&self, pose: &Pose, path: &Path, vx: f64) -> Twist {
         let p = Point2::new(pose.x, pose.y);
         let carrot = path.toward(&p, path.project(&p).0, self.config.lookahead_m);
-        let error = if carrot.norm() > 0.05 {
-            wrap(carrot.y.atan2(carrot.x) - pose.yaw)
-        } else {
-            0.0
-        };
+        let error = if carrot.norm() > 0.05 { wrap(carrot.y.atan2(carrot.x) - pose.yaw) } else { 0.0 };
         self.steer(vx, error, 0.0)
     }
 
@@ -152,11 +116,7 @@ impl LocalPolicy {
     fn steer(&self, vx: f64, error: f64, offset: f64) -> Twist {
         let most = self.config.max_yaw_rate_radps;
         let w = 2.0 * error.sin() / self.config.lookahead_m * vx + 0.8 * error + offset * most;
-        Twist {
-            vx,
-            vy: 0.0,
-            w: w.clamp(-most, most),
-        }
+        Twist { vx, vy: 0.0, w: w.clamp(-most, most) }
     }
 }
 

@@ -48,26 +48,14 @@ impl ClearanceField {
 }
 
 /// Squared distance from every point of an `nx` x `ny` lattice to the nearest feature, exact; `(nx + ny)^2` if there is none.
-pub(crate) fn squared_distances(
-    nx: usize,
-    ny: usize,
-    is_feature: impl Fn(usize, usize) -> bool,
-) -> Vec<u32> {
+pub(crate) fn squared_distances(nx: usize, ny: usize, is_feature: impl Fn(usize, usize) -> bool) -> Vec<u32> {
     // First pass: distance (not squared) to the nearest feature in the same column.
     let far = (nx + ny) as u32;
     let mut distance = vec![0u32; nx * ny];
     for j in 0..ny {
         for i in 0..nx {
-            let above = if j == 0 {
-                far
-            } else {
-                distance[(j - 1) * nx + i]
-            };
-            distance[j * nx + i] = if is_feature(i, j) {
-                0
-            } else {
-                (above + 1).min(far)
-            };
+            let above = if j == 0 { far } else { distance[(j - 1) * nx + i] };
+            distance[j * nx + i] = if is_feature(i, j) { 0 } else { (above + 1).min(far) };
         }
     }
     for j in (0..ny.saturating_sub(1)).rev() {
@@ -99,11 +87,7 @@ pub(crate) fn squared_distances(
             let first = match apex.last() {
                 None => 0,
                 // The first x where parabola u is below parabola i.
-                Some(&i) => {
-                    (u * u - i * i + height[u as usize] - height[i as usize])
-                        .div_euclid(2 * (u - i))
-                        + 1
-                }
+                Some(&i) => (u * u - i * i + height[u as usize] - height[i as usize]).div_euclid(2 * (u - i)) + 1,
             };
             if first < nx as i64 {
                 apex.push(u);
@@ -132,13 +116,7 @@ mod tests {
     fn equals_brute_force_on_a_scattered_grid() {
         let (width, height) = (17, 13);
         let blocked: Vec<bool> = (0..width * height).map(|k| (k * 7919) % 23 == 0).collect();
-        let view = GridView {
-            origin: Point2::origin(),
-            resolution_m: 1.0,
-            width,
-            height,
-            blocked: &blocked,
-        };
+        let view = GridView { origin: Point2::origin(), resolution_m: 1.0, width, height, blocked: &blocked };
         let grid = PaddedGrid::new(&view).unwrap();
         let field = ClearanceField::new(&grid);
         for j in 0..field.ny {

@@ -30,30 +30,17 @@ impl Footprint {
         let sides = (0..n)
             .map(|k| {
                 let along = (corners[(k + 1) % n] - corners[k]).normalize();
-                [
-                    along.y,
-                    -along.x,
-                    along.y * corners[k].x - along.x * corners[k].y,
-                ]
+                [along.y, -along.x, along.y * corners[k].x - along.x * corners[k].y]
             })
             .collect();
         let circumscribed_radius_m = corners.iter().map(|c| c.coords.norm()).fold(0.0, f64::max);
         let (discs, disc_radius_m) = cover(&corners);
-        Some(Footprint {
-            corners,
-            sides,
-            circumscribed_radius_m,
-            discs,
-            disc_radius_m,
-        })
+        Some(Footprint { corners, sides, circumscribed_radius_m, discs, disc_radius_m })
     }
 
     /// Largest signed distance to a side: negative inside, and outside never more than the true distance.
     pub fn side_distance(&self, x: f64, y: f64) -> f64 {
-        self.sides
-            .iter()
-            .map(|s| s[0] * x + s[1] * y - s[2])
-            .fold(f64::NEG_INFINITY, f64::max)
+        self.sides.iter().map(|s| s[0] * x + s[1] * y - s[2]).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Euclidean distance of an outside point; the negative depth of an inside point.
@@ -75,12 +62,8 @@ impl Footprint {
 
 /// Equal discs along the longer side of the bounding box.
 fn cover(corners: &[Point2<f64>]) -> (Vec<Point2<f64>>, f64) {
-    let low = corners
-        .iter()
-        .fold(corners[0], |m, c| Point2::new(m.x.min(c.x), m.y.min(c.y)));
-    let high = corners
-        .iter()
-        .fold(corners[0], |m, c| Point2::new(m.x.max(c.x), m.y.max(c.y)));
+    let low = corners.iter().fold(corners[0], |m, c| Point2::new(m.x.min(c.x), m.y.min(c.y)));
+    let high = corners.iter().fold(corners[0], |m, c| Point2::new(m.x.max(c.x), m.y.max(c.y)));
     let (size, centre) = (high - low, nalgebra::center(&low, &high));
     let (long, short) = (size.x.max(size.y), size.x.min(size.y));
     let count = (1.5 * long / short).ceil().clamp(1.0, 6.0);
@@ -107,8 +90,7 @@ fn convex_hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
         let base = hull.len();
         for p in &sorted {
             while hull.len() >= base + 2
-                && (hull[hull.len() - 1] - hull[hull.len() - 2]).perp(&(p - hull[hull.len() - 1]))
-                    <= 1e-12
+                && (hull[hull.len() - 1] - hull[hull.len() - 2]).perp(&(p - hull[hull.len() - 1])) <= 1e-12
             {
                 hull.pop();
             }
@@ -141,19 +123,8 @@ mod tests {
         assert!((f.side_distance(0.8, 0.6) - 0.4).abs() < 1e-12);
         assert!((f.distance(&Point2::new(0.0, 0.15)) + 0.05).abs() < 1e-12);
         for c in &f.corners {
-            assert!(
-                f.discs
-                    .iter()
-                    .any(|d| (d - c).norm() <= f.disc_radius_m + 1e-12)
-            );
+            assert!(f.discs.iter().any(|d| (d - c).norm() <= f.disc_radius_m + 1e-12));
         }
-        assert!(
-            Footprint::new(&[
-                Point2::origin(),
-                Point2::new(1.0, 1.0),
-                Point2::new(2.0, 2.0)
-            ])
-            .is_none()
-        );
+        assert!(Footprint::new(&[Point2::origin(), Point2::new(1.0, 1.0), Point2::new(2.0, 2.0)]).is_none());
     }
 }

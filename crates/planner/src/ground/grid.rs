@@ -83,25 +83,15 @@ impl PaddedGrid {
             return Err(GroundError::GridTooLarge { cells });
         }
         if grid.blocked.len() != cells {
-            return Err(GroundError::WrongLength {
-                expected: cells,
-                actual: grid.blocked.len(),
-            });
+            return Err(GroundError::WrongLength { expected: cells, actual: grid.blocked.len() });
         }
         let (width, height) = (grid.width + 2, grid.height + 2);
         let mut blocked = vec![true; width * height];
         for y in 0..grid.height {
             let to = (y + 1) * width + 1;
-            blocked[to..to + grid.width]
-                .copy_from_slice(&grid.blocked[y * grid.width..(y + 1) * grid.width]);
+            blocked[to..to + grid.width].copy_from_slice(&grid.blocked[y * grid.width..(y + 1) * grid.width]);
         }
-        Ok(PaddedGrid {
-            origin: grid.origin,
-            resolution_m: grid.resolution_m,
-            width,
-            height,
-            blocked,
-        })
+        Ok(PaddedGrid { origin: grid.origin, resolution_m: grid.resolution_m, width, height, blocked })
     }
 
     /// Whether padded cell `(x, y)` is blocked; everything outside is.
@@ -151,13 +141,8 @@ mod tests {
     fn distance_is_measured_to_the_square_not_to_the_centre() {
         let mut blocked = vec![false; 100];
         blocked[5 * 10 + 5] = true; // square [5,6]x[5,6], in padded cells [6,7]x[6,7]
-        let grid = GridView {
-            origin: Point2::new(1.0, 2.0),
-            resolution_m: 0.5,
-            width: 10,
-            height: 10,
-            blocked: &blocked,
-        };
+        let grid =
+            GridView { origin: Point2::new(1.0, 2.0), resolution_m: 0.5, width: 10, height: 10, blocked: &blocked };
         let padded = PaddedGrid::new(&grid).unwrap();
         let p = padded.to_cells(&Point2::new(1.0 + 1.5, 2.0 + 2.75)); // cells (3, 5.5), padded (4, 6.5)
         assert_eq!(p, Point2::new(4.0, 6.5));
@@ -169,27 +154,12 @@ mod tests {
     fn bad_grids_are_named() {
         let check = |width, height, len, resolution_m: f64| {
             let blocked = vec![false; len];
-            PaddedGrid::new(&GridView {
-                origin: Point2::origin(),
-                resolution_m,
-                width,
-                height,
-                blocked: &blocked,
-            })
-            .err()
+            PaddedGrid::new(&GridView { origin: Point2::origin(), resolution_m, width, height, blocked: &blocked })
+                .err()
         };
         assert_eq!(check(0, 3, 0, 0.1), Some(GroundError::EmptyGrid));
-        assert_eq!(
-            check(2, 3, 5, 0.1),
-            Some(GroundError::WrongLength {
-                expected: 6,
-                actual: 5
-            })
-        );
+        assert_eq!(check(2, 3, 5, 0.1), Some(GroundError::WrongLength { expected: 6, actual: 5 }));
         assert_eq!(check(2, 3, 6, f64::NAN), Some(GroundError::NotFinite));
-        assert_eq!(
-            check(usize::MAX, 3, 6, 0.1),
-            Some(GroundError::GridTooLarge { cells: usize::MAX })
-        );
+        assert_eq!(check(usize::MAX, 3, 6, 0.1), Some(GroundError::GridTooLarge { cells: usize::MAX }));
     }
 }

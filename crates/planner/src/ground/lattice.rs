@@ -17,16 +17,7 @@ pub(crate) struct Lattice {
     component: Vec<u32>,
 }
 
-const NEIGHBOURS: [(i64, i64); 8] = [
-    (1, 0),
-    (0, 1),
-    (-1, 0),
-    (0, -1),
-    (1, 1),
-    (-1, 1),
-    (-1, -1),
-    (1, -1),
-];
+const NEIGHBOURS: [(i64, i64); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
 
 impl Lattice {
     /// A point counts as free if the whole edge to any free neighbour keeps `radius`: an edge of length L between
@@ -37,11 +28,7 @@ impl Lattice {
         let mut lattice = Lattice {
             nx,
             ny,
-            component: field
-                .squared_all()
-                .iter()
-                .map(|&d| u32::from(d >= threshold) * u32::MAX)
-                .collect(),
+            component: field.squared_all().iter().map(|&d| u32::from(d >= threshold) * u32::MAX).collect(),
         };
         lattice.label();
         lattice
@@ -126,27 +113,15 @@ impl Lattice {
 
     /// Lattice distances from one point to all (cells); unreachable ones are infinite.
     pub fn distances(&self, from: usize) -> Vec<f64> {
-        self.search(from, |_| 0.0, |_, _| false)
-            .into_iter()
-            .map(|(g, _)| g)
-            .collect()
+        self.search(from, |_| 0.0, |_, _| false).into_iter().map(|(g, _)| g).collect()
     }
 
     /// Best-first search; per lattice point (distance, parent). Ends early when `done`.
-    fn search(
-        &self,
-        from: usize,
-        bound: impl Fn(usize) -> f64,
-        done: impl Fn(usize, f64) -> bool,
-    ) -> Vec<(f64, u32)> {
+    fn search(&self, from: usize, bound: impl Fn(usize) -> f64, done: impl Fn(usize, f64) -> bool) -> Vec<(f64, u32)> {
         let mut best = vec![(f64::INFINITY, u32::MAX); self.component.len()];
         let mut heap = BinaryHeap::new();
         best[from].0 = 0.0;
-        heap.push(Entry {
-            cost: bound(from),
-            distance: 0.0,
-            node: from as u32,
-        });
+        heap.push(Entry { cost: bound(from), distance: 0.0, node: from as u32 });
         while let Some(Entry { distance, node, .. }) = heap.pop() {
             let k = node as usize;
             if distance > best[k].0 {
@@ -160,11 +135,7 @@ impl Lattice {
                 let reached = distance + if n < 4 { 1.0 } else { std::f64::consts::SQRT_2 };
                 if self.component[other] != 0 && reached < best[other].0 {
                     best[other] = (reached, node);
-                    heap.push(Entry {
-                        cost: reached + bound(other),
-                        distance: reached,
-                        node: other as u32,
-                    });
+                    heap.push(Entry { cost: reached + bound(other), distance: reached, node: other as u32 });
                 }
             }
         }
@@ -189,10 +160,7 @@ impl Eq for Entry {}
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .cost
-            .total_cmp(&self.cost)
-            .then(other.node.cmp(&self.node))
+        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
     }
 }
 

@@ -83,10 +83,7 @@ impl LocalPolicy {
     pub fn new(config: LocalPolicyConfig) -> Result<LocalPolicy, LocalPolicyError> {
         config.validate()?;
         let footprint = Footprint::new(&config.footprint).ok_or(LocalPolicyError::BadFootprint)?;
-        let ramp = Ramp {
-            accel_mps2: config.max_accel_mps2,
-            yaw_accel_radps2: config.max_yaw_accel_radps2,
-        };
+        let ramp = Ramp { accel_mps2: config.max_accel_mps2, yaw_accel_radps2: config.max_yaw_accel_radps2 };
         Ok(LocalPolicy {
             config,
             footprint,
@@ -111,28 +108,12 @@ impl LocalPolicy {
         final_heading: Option<f64>,
         obstacles_in_world: &[Point2<f32>],
     ) -> LocalCommand {
-        let numbers = [
-            pose.0,
-            pose.1,
-            pose.2,
-            velocity.0,
-            velocity.1,
-            velocity.2,
-            final_heading.unwrap_or(0.0),
-        ];
+        let numbers = [pose.0, pose.1, pose.2, velocity.0, velocity.1, velocity.2, final_heading.unwrap_or(0.0)];
         if numbers.iter().any(|v| !v.is_finite()) {
             return self.brake_blindly();
         }
-        let pose = Pose {
-            x: pose.0,
-            y: pose.1,
-            yaw: pose.2,
-        };
-        let now = self.velocity_now(&Twist {
-            vx: velocity.0,
-            vy: velocity.1,
-            w: velocity.2,
-        });
+        let pose = Pose { x: pose.0, y: pose.1, yaw: pose.2 };
+        let now = self.velocity_now(&Twist { vx: velocity.0, vy: velocity.1, w: velocity.2 });
         let clearance_m = self.look(&pose, &now, obstacles_in_world);
         let (target, status) = if path.is_empty() {
             (self.align(&pose, &now, final_heading), LocalStatus::Arrived)
@@ -154,10 +135,7 @@ impl LocalPolicy {
 
     /// The velocity the base is about to have: the last command where the measurement lags behind it, else the measurement.
     fn velocity_now(&self, measured: &Twist) -> Twist {
-        let lag = Ramp {
-            accel_mps2: self.ramp.accel_mps2 * 0.25,
-            yaw_accel_radps2: self.ramp.yaw_accel_radps2 * 0.25,
-        };
+        let lag = Ramp { accel_mps2: self.ramp.accel_mps2 * 0.25, yaw_accel_radps2: self.ramp.yaw_accel_radps2 * 0.25 };
         lag.toward(measured, &self.last, 1.0)
     }
 
@@ -165,17 +143,9 @@ impl LocalPolicy {
         let c = &self.config;
         let speed = c.max_speed_mps.max(now.vx.hypot(now.vy));
         let stop_m = 0.5 * speed * speed / c.max_accel_mps2 + speed * c.period_s;
-        let reach_m = stop_m.max(speed * c.horizon_s)
-            + self.footprint.circumscribed_radius_m
-            + c.slow_clearance_m;
-        self.field
-            .update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
-        self.field.set_required(
-            &self.footprint,
-            pose,
-            c.margin_m,
-            c.slow_clearance_m.max(0.5),
-        )
+        let reach_m = stop_m.max(speed * c.horizon_s) + self.footprint.circumscribed_radius_m + c.slow_clearance_m;
+        self.field.update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
+        self.field.set_required(&self.footprint, pose, c.margin_m, c.slow_clearance_m.max(0.5))
     }
 
     fn choose(
@@ -190,9 +160,7 @@ impl LocalPolicy {
         let to_end = path.end() - p;
         let (s, _) = path.project(&p);
         let remaining = (path.length() - s).max(to_end.norm());
-        if to_end.norm() <= self.config.goal_tolerance_m
-            && path.length() - s <= 2.0 * self.config.goal_tolerance_m
-        {
+        if to_end.norm() <= self.config.goal_tolerance_m && path.length() - s <= 2.0 * self.config.goal_tolerance_m {
             self.rest();
             let error = final_heading.map_or(0.0, |h| wrap(h - pose.yaw));
             let status = if error.abs() <= self.config.heading_tolerance_rad {
@@ -208,24 +176,17 @@ impl LocalPolicy {
         }
         if remaining < APPROACH_M && self.config.max_lateral_speed_mps > 0.0 {
             let wanted = self.approach(pose, &to_end, final_heading);
-            return (
-                self.first_safe(pose, now, &[wanted, Twist { w: 0.0, ..wanted }]),
-                LocalStatus::Driving,
-            );
+            return (self.first_safe(pose, now, &[wanted, Twist { w: 0.0, ..wanted }]), LocalStatus::Driving);
         }
         // In the narrow the corner is not to be cut.
-        let ahead =
-            self.config.lookahead_m * (clearance_m / self.config.slow_clearance_m).clamp(0.5, 1.0);
+        let ahead = self.config.lookahead_m * (clearance_m / self.config.slow_clearance_m).clamp(0.5, 1.0);
         let carrot = path.toward(&p, s, ahead);
         let error = wrap(carrot.y.atan2(carrot.x) - pose.yaw);
         self.decide_to_turn(error);
         if let Mode::Turn { direction } = self.mode {
             return (self.turn(pose, now, error, direction), LocalStatus::Turning);
         }
-        (
-            self.follow(pose, now, path, s, error, remaining, clearance_m),
-            LocalStatus::Driving,
-        )
+        (self.follow(pose, now, path, s, error, remaining, clearance_m), LocalStatus::Driving)
     }
 
     /// Keeps track of how long the robot has not got anywhere. Turning on the spot counts a third.
@@ -233,11 +194,7 @@ impl LocalPolicy {
         let travelled = |a: &Pose| (pose.x - a.x).hypot(pose.y - a.y);
         match self.anchor {
             Some(anchor) if travelled(&anchor) < 0.12 => {
-                let weight = if matches!(self.mode, Mode::Turn { .. }) {
-                    0.33
-                } else {
-                    1.0
-                };
+                let weight = if matches!(self.mode, Mode::Turn { .. }) { 0.33 } else { 1.0 };
                 if matches!(self.mode, Mode::Follow | Mode::Turn { .. }) {
                     self.idle_s += weight * self.config.period_s;
                 }
@@ -266,23 +223,12 @@ impl LocalPolicy {
         let dt = self.config.period_s;
         match self.mode {
             Mode::Hold { left_s } => {
-                self.mode = if left_s > dt {
-                    Mode::Hold {
-                        left_s: left_s - dt,
-                    }
-                } else {
-                    Mode::Recover { left_s: RECOVER_S }
-                };
+                self.mode =
+                    if left_s > dt { Mode::Hold { left_s: left_s - dt } } else { Mode::Recover { left_s: RECOVER_S } };
                 Some((self.first_safe(pose, now, &[]), LocalStatus::Blocked))
             }
             Mode::Recover { left_s } => {
-                self.mode = if left_s > dt {
-                    Mode::Recover {
-                        left_s: left_s - dt,
-                    }
-                } else {
-                    Mode::Follow
-                };
+                self.mode = if left_s > dt { Mode::Recover { left_s: left_s - dt } } else { Mode::Follow };
                 let target = self.recovery(pose, now);
                 Some((target, LocalStatus::Recovering))
             }
@@ -293,52 +239,21 @@ impl LocalPolicy {
     /// Ways out in a fixed order that starts elsewhere after every failure: back, turn left, turn right, sideways.
     fn recovery(&self, pose: &Pose, now: &Twist) -> Twist {
         let c = &self.config;
-        let (back, side, w) = (
-            c.max_reverse_speed_mps.min(0.2),
-            c.max_lateral_speed_mps.min(0.15),
-            0.6 * c.max_yaw_rate_radps,
-        );
+        let (back, side, w) =
+            (c.max_reverse_speed_mps.min(0.2), c.max_lateral_speed_mps.min(0.15), 0.6 * c.max_yaw_rate_radps);
         let ways = [
-            Twist {
-                vx: -back,
-                ..Twist::default()
-            },
-            Twist {
-                w,
-                ..Twist::default()
-            },
-            Twist {
-                vy: side,
-                ..Twist::default()
-            },
-            Twist {
-                vx: -back,
-                w: 0.5 * w,
-                ..Twist::default()
-            },
-            Twist {
-                w: -w,
-                ..Twist::default()
-            },
-            Twist {
-                vy: -side,
-                ..Twist::default()
-            },
-            Twist {
-                vx: -back,
-                w: -0.5 * w,
-                ..Twist::default()
-            },
+            Twist { vx: -back, ..Twist::default() },
+            Twist { w, ..Twist::default() },
+            Twist { vy: side, ..Twist::default() },
+            Twist { vx: -back, w: 0.5 * w, ..Twist::default() },
+            Twist { w: -w, ..Twist::default() },
+            Twist { vy: -side, ..Twist::default() },
+            Twist { vx: -back, w: -0.5 * w, ..Twist::default() },
         ];
         let shift = (self.blocked_count as usize).saturating_sub(1) * 2;
-        let ordered: Vec<Twist> = (0..ways.len())
-            .map(|k| ways[(k + shift) % ways.len()])
-            .collect();
+        let ordered: Vec<Twist> = (0..ways.len()).map(|k| ways[(k + shift) % ways.len()]).collect();
         // Prefer a way that stays free for a second; it is then kept by the same rule in the next cycle.
-        let lasting = ordered
-            .iter()
-            .find(|way| self.roll_out(pose, now, way, 1.0, None).hit_s.is_none())
-            .copied();
+        let lasting = ordered.iter().find(|way| self.roll_out(pose, now, way, 1.0, None).hit_s.is_none()).copied();
         let list: Vec<Twist> = lasting.into_iter().chain(ordered).collect();
         self.first_safe(pose, now, &list)
     }
@@ -348,12 +263,8 @@ impl LocalPolicy {
             Mode::Turn { .. } if error.abs() < TURN_BELOW_RAD => Mode::Follow,
             // Keep the direction while the error is about half a turn, where its sign means nothing.
             Mode::Turn { direction } if error.abs() > 2.6 => Mode::Turn { direction },
-            Mode::Turn { .. } => Mode::Turn {
-                direction: error.signum(),
-            },
-            _ if error.abs() > TURN_ABOVE_RAD => Mode::Turn {
-                direction: error.signum(),
-            },
+            Mode::Turn { .. } => Mode::Turn { direction: error.signum() },
+            _ if error.abs() > TURN_ABOVE_RAD => Mode::Turn { direction: error.signum() },
             other => other,
         };
     }
@@ -367,42 +278,14 @@ impl LocalPolicy {
         let w = direction * rate.max(0.15_f64.min(c.max_yaw_rate_radps));
         let (vx, vy) = (0.3 * c.max_reverse_speed_mps, 0.5 * c.max_lateral_speed_mps);
         let ways = [
-            Twist {
-                w,
-                ..Twist::default()
-            },
-            Twist {
-                vy,
-                w,
-                ..Twist::default()
-            },
-            Twist {
-                vy: -vy,
-                w,
-                ..Twist::default()
-            },
-            Twist {
-                vx,
-                w,
-                ..Twist::default()
-            },
-            Twist {
-                vx: -vx,
-                w,
-                ..Twist::default()
-            },
+            Twist { w, ..Twist::default() },
+            Twist { vy, w, ..Twist::default() },
+            Twist { vy: -vy, w, ..Twist::default() },
+            Twist { vx, w, ..Twist::default() },
+            Twist { vx: -vx, w, ..Twist::default() },
         ];
-        let lasting = ways
-            .iter()
-            .find(|way| self.roll_out(pose, now, way, 0.6, None).hit_s.is_none())
-            .copied();
-        let list: Vec<Twist> = lasting
-            .into_iter()
-            .chain([Twist {
-                w: -w,
-                ..Twist::default()
-            }])
-            .collect();
+        let lasting = ways.iter().find(|way| self.roll_out(pose, now, way, 0.6, None).hit_s.is_none()).copied();
+        let list: Vec<Twist> = lasting.into_iter().chain([Twist { w: -w, ..Twist::default() }]).collect();
         self.first_safe(pose, now, &list)
     }
 
@@ -411,31 +294,17 @@ impl LocalPolicy {
         let c = &self.config;
         let (sin, cos) = pose.yaw.sin_cos();
         let distance = to_end.norm();
-        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance)
-            .sqrt()
-            .min(c.max_speed_mps)
-            .min(1.5 * distance);
+        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance).sqrt().min(c.max_speed_mps).min(1.5 * distance);
         let direction = to_end / distance.max(1e-9);
-        let (fx, fy) = (
-            cos * direction.x + sin * direction.y,
-            cos * direction.y - sin * direction.x,
-        );
-        let limit_x = if fx >= 0.0 {
-            c.max_speed_mps
-        } else {
-            c.max_reverse_speed_mps
-        };
+        let (fx, fy) = (cos * direction.x + sin * direction.y, cos * direction.y - sin * direction.x);
+        let limit_x = if fx >= 0.0 { c.max_speed_mps } else { c.max_reverse_speed_mps };
         // One common factor keeps the direction.
         let share = (limit_x / (speed * fx).abs().max(1e-9))
             .min(c.max_lateral_speed_mps / (speed * fy).abs().max(1e-9))
             .min(1.0);
         let error = final_heading.map_or(0.0, |h| wrap(h - pose.yaw));
         let w = (1.5 * error).clamp(-c.max_yaw_rate_radps, c.max_yaw_rate_radps);
-        Twist {
-            vx: speed * fx * share,
-            vy: speed * fy * share,
-            w,
-        }
+        Twist { vx: speed * fx * share, vy: speed * fy * share, w }
     }
 
     /// Stands and turns to the final heading.
@@ -445,13 +314,9 @@ impl LocalPolicy {
         if error.abs() <= 0.5 * c.heading_tolerance_rad {
             return self.first_safe(pose, now, &[]);
         }
-        let rate = (1.5 * error.abs())
-            .min((1.4 * c.max_yaw_accel_radps2 * error.abs()).sqrt())
-            .min(c.max_yaw_rate_radps);
-        let way = Twist {
-            w: rate * error.signum(),
-            ..Twist::default()
-        };
+        let rate =
+            (1.5 * error.abs()).min((1.4 * c.max_yaw_accel_radps2 * error.abs()).sqrt()).min(c.max_yaw_rate_radps);
+        let way = Twist { w: rate * error.signum(), ..Twist::default() };
         self.first_safe(pose, now, &[way, Twist { w: -way.w, ..way }])
     }
 
@@ -460,15 +325,7 @@ impl LocalPolicy {
         let c = &self.config;
         for target in wanted {
             let first = self.ramp.toward(now, target, c.period_s);
-            if can_stop(
-                &self.field,
-                &self.footprint,
-                c.margin_m,
-                &self.ramp,
-                c.period_s,
-                pose,
-                &first,
-            ) {
+            if can_stop(&self.field, &self.footprint, c.margin_m, &self.ramp, c.period_s, pose, &first) {
                 return first;
             }
         }
@@ -476,9 +333,7 @@ impl LocalPolicy {
     }
 
     fn brake_blindly(&mut self) -> LocalCommand {
-        self.last = self
-            .ramp
-            .toward(&self.last, &Twist::default(), self.config.period_s);
+        self.last = self.ramp.toward(&self.last, &Twist::default(), self.config.period_s);
         let Twist { vx, vy, w } = self.last;
         LocalCommand {
             vx,
@@ -494,9 +349,5 @@ impl LocalPolicy {
 /// An angle in (-pi, pi].
 pub(super) fn wrap(angle: f64) -> f64 {
     let turned = angle.rem_euclid(std::f64::consts::TAU);
-    if turned > std::f64::consts::PI {
-        turned - std::f64::consts::TAU
-    } else {
-        turned
-    }
+    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
 }

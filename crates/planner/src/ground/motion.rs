@@ -29,11 +29,7 @@ impl Ramp {
     pub fn toward(&self, from: &Twist, target: &Twist, dt_s: f64) -> Twist {
         let change = Vector2::new(target.vx - from.vx, target.vy - from.vy);
         let most = self.accel_mps2 * dt_s;
-        let share = if change.norm() > most {
-            most / change.norm()
-        } else {
-            1.0
-        };
+        let share = if change.norm() > most { most / change.norm() } else { 1.0 };
         let most_yaw = self.yaw_accel_radps2 * dt_s;
         Twist {
             vx: from.vx + change.x * share,
@@ -76,8 +72,7 @@ pub(crate) fn can_stop(
     let mut since_test = 0.0;
     for _ in 0..MAX_BRAKE_STEPS {
         pose = advance(&pose, &twist, period_s);
-        since_test += (twist.vx.hypot(twist.vy) + twist.w.abs() * footprint.circumscribed_radius_m)
-            * period_s;
+        since_test += (twist.vx.hypot(twist.vy) + twist.w.abs() * footprint.circumscribed_radius_m) * period_s;
         twist = ramp.toward(&twist, &Twist::default(), period_s);
         let resting = twist.is_zero();
         if since_test >= spacing || resting {

@@ -41,15 +41,8 @@ pub(crate) struct ObstacleField {
 impl ObstacleField {
     /// Reads the points in reach of the robot; does nothing if they are the same as last time and the robot has moved
     /// less than `spare_m`.
-    pub fn update(
-        &mut self,
-        points: &[Point2<f32>],
-        centre: &Point2<f64>,
-        reach_m: f64,
-        spare_m: f64,
-    ) {
-        let near =
-            (self.centre - centre).abs().max() <= spare_m && self.half_m >= reach_m + spare_m;
+    pub fn update(&mut self, points: &[Point2<f32>], centre: &Point2<f64>, reach_m: f64, spare_m: f64) {
+        let near = (self.centre - centre).abs().max() <= spare_m && self.half_m >= reach_m + spare_m;
         if near && !self.start.is_empty() && self.source == points {
             return;
         }
@@ -68,8 +61,7 @@ impl ObstacleField {
         let (low, n) = (self.low, self.buckets);
         let bucket = |p: &[f64; 2]| {
             let (bx, by) = ((p[0] - low.x) / BUCKET_M, (p[1] - low.y) / BUCKET_M);
-            (bx >= 0.0 && by >= 0.0 && bx < n as f64 && by < n as f64)
-                .then(|| by as usize * n + bx as usize)
+            (bx >= 0.0 && by >= 0.0 && bx < n as f64 && by < n as f64).then(|| by as usize * n + bx as usize)
         };
         // Non-finite points fall outside every bucket and are skipped.
         let all: Vec<([f64; 2], usize)> = self
@@ -99,10 +91,7 @@ impl ObstacleField {
         let n = self.cells;
         let mut occupied = vec![false; n * n];
         for p in &self.points {
-            let (i, j) = (
-                ((p[0] - self.low.x) / CELL_M) as usize,
-                ((p[1] - self.low.y) / CELL_M) as usize,
-            );
+            let (i, j) = (((p[0] - self.low.x) / CELL_M) as usize, ((p[1] - self.low.y) / CELL_M) as usize);
             if i < n && j < n {
                 occupied[j * n + i] = true;
             }
@@ -116,13 +105,7 @@ impl ObstacleField {
     /// Sets what every point must keep from the footprint: `margin_m`, or its present distance where that is less, so
     /// that a robot that starts too near may leave but not come nearer. Returns the present Euclidean clearance, at
     /// most `reach_m`.
-    pub fn set_required(
-        &mut self,
-        footprint: &Footprint,
-        pose: &Pose,
-        margin_m: f64,
-        reach_m: f64,
-    ) -> f64 {
+    pub fn set_required(&mut self, footprint: &Footprint, pose: &Pose, margin_m: f64, reach_m: f64) -> f64 {
         for k in self.tightened.drain(..) {
             self.required[k as usize] = f64::INFINITY;
         }
@@ -181,17 +164,12 @@ impl ObstacleField {
         let (sin, cos) = pose.yaw.sin_cos();
         let mut least = f64::INFINITY;
         for d in &footprint.discs {
-            let (x, y) = (
-                pose.x + cos * d.x - sin * d.y,
-                pose.y + sin * d.x + cos * d.y,
-            );
+            let (x, y) = (pose.x + cos * d.x - sin * d.y, pose.y + sin * d.x + cos * d.y);
             let (i, j) = ((x - self.low.x) / CELL_M, (y - self.low.y) / CELL_M);
             if !(i >= 0.0 && j >= 0.0 && i < self.cells as f64 && j < self.cells as f64) {
                 continue;
             }
-            least = least.min(f64::from(
-                self.distance_m[j as usize * self.cells + i as usize],
-            ));
+            least = least.min(f64::from(self.distance_m[j as usize * self.cells + i as usize]));
         }
         least - footprint.disc_radius_m - SLACK_M
     }

@@ -21,8 +21,7 @@ pub(crate) fn outlines(grid: &PaddedGrid) -> Vec<Vec<Corner>> {
     let mut rings = Vec::new();
     for y in 1..grid.height {
         for x in 0..grid.width {
-            let starts =
-                grid.blocked[y * grid.width + x] && !grid.blocked[(y - 1) * grid.width + x];
+            let starts = grid.blocked[y * grid.width + x] && !grid.blocked[(y - 1) * grid.width + x];
             if starts && !visited[y * grid.width + x] {
                 rings.push(follow(grid, x as i64, y as i64, &mut visited));
             }
@@ -54,18 +53,10 @@ fn follow(grid: &PaddedGrid, x: i64, y: i64, visited: &mut [bool]) -> Vec<Corner
         };
         let (left, right) = (cell(1), cell(-1));
         if right {
-            corners.push(Corner {
-                x: px as i32,
-                y: py as i32,
-                convex: false,
-            });
+            corners.push(Corner { x: px as i32, y: py as i32, convex: false });
             (dx, dy) = (dy, -dx);
         } else if !left {
-            corners.push(Corner {
-                x: px as i32,
-                y: py as i32,
-                convex: true,
-            });
+            corners.push(Corner { x: px as i32, y: py as i32, convex: true });
             (dx, dy) = (-dy, dx);
         }
     }
@@ -75,46 +66,28 @@ fn follow(grid: &PaddedGrid, x: i64, y: i64, visited: &mut [bool]) -> Vec<Corner
 /// Douglas-Peucker on a closed ring: a subset of its corners, in order, such that no corner is further than
 /// `tolerance` from the simplified ring. A ring that would fall below three corners becomes its bounding box.
 pub(crate) fn simplify(ring: &[Corner], tolerance: f64) -> Vec<[f64; 2]> {
-    let points: Vec<[f64; 2]> = ring
-        .iter()
-        .map(|c| [f64::from(c.x), f64::from(c.y)])
-        .collect();
+    let points: Vec<[f64; 2]> = ring.iter().map(|c| [f64::from(c.x), f64::from(c.y)]).collect();
     if points.len() <= 4 {
         return points;
     }
     // Two corners that surely belong to the outline: the lowest-left one and the one furthest from it.
-    let first = (0..ring.len())
-        .min_by_key(|&k| (ring[k].x, ring[k].y))
-        .unwrap_or(0);
+    let first = (0..ring.len()).min_by_key(|&k| (ring[k].x, ring[k].y)).unwrap_or(0);
     let gap = |k: usize| {
-        let (dx, dy) = (
-            i64::from(ring[k].x - ring[first].x),
-            i64::from(ring[k].y - ring[first].y),
-        );
+        let (dx, dy) = (i64::from(ring[k].x - ring[first].x), i64::from(ring[k].y - ring[first].y));
         dx * dx + dy * dy
     };
-    let second = (0..ring.len())
-        .max_by_key(|&k| (gap(k), std::cmp::Reverse(k)))
-        .unwrap_or(0);
+    let second = (0..ring.len()).max_by_key(|&k| (gap(k), std::cmp::Reverse(k))).unwrap_or(0);
     let mut keep = vec![false; points.len()];
     keep[first] = true;
     keep[second] = true;
     split(&points, first, second, tolerance, &mut keep);
     split(&points, second, first, tolerance, &mut keep);
-    let kept: Vec<[f64; 2]> = (0..points.len())
-        .filter(|&k| keep[k])
-        .map(|k| points[k])
-        .collect();
+    let kept: Vec<[f64; 2]> = (0..points.len()).filter(|&k| keep[k]).map(|k| points[k]).collect();
     if kept.len() >= 3 {
         return kept;
     }
     let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| {
-        points
-            .iter()
-            .map(|p| p[axis])
-            .fold(f64::NEG_INFINITY, f64::max)
-    };
+    let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
     let (x0, x1, y0, y1) = (low(0), high(0), low(1), high(1));
     vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
 }
@@ -145,11 +118,7 @@ fn distance_to_segment(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (ux, uy) = (b[0] - a[0], b[1] - a[1]);
     let (wx, wy) = (p[0] - a[0], p[1] - a[1]);
     let length = ux * ux + uy * uy;
-    let t = if length > 0.0 {
-        ((wx * ux + wy * uy) / length).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let t = if length > 0.0 { ((wx * ux + wy * uy) / length).clamp(0.0, 1.0) } else { 0.0 };
     (wx - t * ux).hypot(wy - t * uy)
 }
 
@@ -162,19 +131,9 @@ mod tests {
     fn grid(picture: &[&str]) -> PaddedGrid {
         let height = picture.len();
         let width = picture[0].len();
-        let blocked: Vec<bool> = picture
-            .iter()
-            .rev()
-            .flat_map(|row| row.chars().map(|c| c == '#'))
-            .collect();
-        PaddedGrid::new(&GridView {
-            origin: Point2::origin(),
-            resolution_m: 1.0,
-            width,
-            height,
-            blocked: &blocked,
-        })
-        .unwrap()
+        let blocked: Vec<bool> = picture.iter().rev().flat_map(|row| row.chars().map(|c| c == '#')).collect();
+        PaddedGrid::new(&GridView { origin: Point2::origin(), resolution_m: 1.0, width, height, blocked: &blocked })
+            .unwrap()
     }
 
     /// Twice the signed area: positive where the ring runs counter-clockwise.
@@ -209,9 +168,8 @@ mod tests {
 
     #[test]
     fn a_staircase_becomes_a_line() {
-        let rings = outlines(&grid(&[
-            "#.......", "##......", "###.....", "####....", "#####...", "######..", "#######.",
-        ]));
+        let rings =
+            outlines(&grid(&["#.......", "##......", "###.....", "####....", "#####...", "######..", "#######."]));
         assert_eq!(rings.len(), 1);
         let simple = simplify(&rings[0], 1.5);
         assert!(simple.len() <= 4, "{simple:?}");

@@ -53,11 +53,7 @@ impl<'a> Path<'a> {
         for (k, leg) in self.points.windows(2).enumerate() {
             if s <= self.at[k + 1] {
                 let length = self.at[k + 1] - self.at[k];
-                let t = if length > 0.0 {
-                    ((s - self.at[k]) / length).max(0.0)
-                } else {
-                    0.0
-                };
+                let t = if length > 0.0 { ((s - self.at[k]) / length).max(0.0) } else { 0.0 };
                 return leg[0] + (leg[1] - leg[0]) * t;
             }
         }

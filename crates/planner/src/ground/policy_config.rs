@@ -70,9 +70,7 @@ impl Default for LocalPolicyConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LocalPolicyError {
     /// A limit, distance or time is not finite, negative, or zero where it may not be.
-    #[error(
-        "limits, distances and times must be finite and positive (lateral and reverse speed and margin may be 0)"
-    )]
+    #[error("limits, distances and times must be finite and positive (lateral and reverse speed and margin may be 0)")]
     BadLimit,
     /// The footprint's points do not span an area or are not finite.
     #[error("the footprint must have three points that span an area")]
@@ -98,22 +96,13 @@ impl LocalPolicyConfig {
             self.horizon_s,
             self.stuck_after_s,
         ];
-        let not_negative = [
-            self.max_reverse_speed_mps,
-            self.max_lateral_speed_mps,
-            self.margin_m,
-        ];
+        let not_negative = [self.max_reverse_speed_mps, self.max_lateral_speed_mps, self.margin_m];
         let good = positive.iter().all(|v| v.is_finite() && *v > 0.0)
             && not_negative.iter().all(|v| v.is_finite() && *v >= 0.0);
         // The roll-outs are bounded in number of steps.
-        if !good
-            || self.horizon_s > 10.0
-            || self.max_speed_mps / self.max_accel_mps2 > 1000.0 * self.period_s
-        {
+        if !good || self.horizon_s > 10.0 || self.max_speed_mps / self.max_accel_mps2 > 1000.0 * self.period_s {
             return Err(LocalPolicyError::BadLimit);
         }
-        Footprint::new(&self.footprint)
-            .map(|_| ())
-            .ok_or(LocalPolicyError::BadFootprint)
+        Footprint::new(&self.footprint).map(|_| ()).ok_or(LocalPolicyError::BadFootprint)
     }
 }

@@ -27,44 +27,26 @@ impl VisibilityGraph {
         let resolution = self.grid.resolution_m;
         let points: Vec<Point2<f64>> = points.iter().map(|p| self.grid.to_world(p)).collect();
         let length_m = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
-        Some(Route {
-            points,
-            length_m,
-            start_pull_m: from.moved * resolution,
-            goal_pull_m: to.moved * resolution,
-        })
+        Some(Route { points, length_m, start_pull_m: from.moved * resolution, goal_pull_m: to.moved * resolution })
     }
 
     /// Route lengths from one start to many goals by one search; `None` where there is no route. Bends are not moved
     /// away from walls here, so a length is a little shorter than that of [`VisibilityGraph::route`].
     pub fn lengths_from(&self, start: &Point2<f64>, goals: &[Point2<f64>]) -> Vec<Option<f64>> {
         let mut from: Vec<Start> = Vec::new();
-        goals
-            .iter()
-            .map(|goal| self.length_to(start, goal, &mut from))
-            .collect()
+        goals.iter().map(|goal| self.length_to(start, goal, &mut from)).collect()
     }
 
     /// The reachable free point nearest to `goal`, and its distance from `goal` in metres. `None` if the start has no
     /// free point within [`MAX_PULL_M`].
-    pub fn nearest_reachable(
-        &self,
-        start: &Point2<f64>,
-        goal: &Point2<f64>,
-    ) -> Option<(Point2<f64>, f64)> {
+    pub fn nearest_reachable(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<(Point2<f64>, f64)> {
         let from = self.pull(start, None)?;
         let to = self.grid.to_cells(goal);
-        if self.is_free(&to)
-            && self
-                .pull(goal, None)
-                .is_some_and(|end| end.component == from.component)
-        {
+        if self.is_free(&to) && self.pull(goal, None).is_some_and(|end| end.component == from.component) {
             return Some((*goal, 0.0));
         }
         let everywhere = (self.lattice.nx + self.lattice.ny) as f64 + (to - from.at).norm();
-        let (k, moved) = self.lattice.nearest(&to, everywhere, |k, _| {
-            self.lattice.component(k) == from.component
-        })?;
+        let (k, moved) = self.lattice.nearest(&to, everywhere, |k, _| self.lattice.component(k) == from.component)?;
         let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
         Some((self.grid.to_world(&at), moved * self.grid.resolution_m))
     }
@@ -82,12 +64,7 @@ impl VisibilityGraph {
                 })
             };
             if let Some((k, _)) = component.and_then(|c| seen(Some(c))).or_else(|| seen(None)) {
-                return Some(End {
-                    at: p,
-                    anchor: k,
-                    component: self.lattice.component(k),
-                    moved: 0.0,
-                });
+                return Some(End { at: p, anchor: k, component: self.lattice.component(k), moved: 0.0 });
             }
         }
         let nearest = |wanted: Option<u32>| {
@@ -96,16 +73,9 @@ impl VisibilityGraph {
                 Some(c) => self.lattice.component(k) == c && self.is_unblocked(&p, at),
             })
         };
-        let (k, moved) = component
-            .and_then(|c| nearest(Some(c)))
-            .or_else(|| nearest(None))?;
+        let (k, moved) = component.and_then(|c| nearest(Some(c))).or_else(|| nearest(None))?;
         let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
-        Some(End {
-            at,
-            anchor: k,
-            component: self.lattice.component(k),
-            moved,
-        })
+        Some(End { at, anchor: k, component: self.lattice.component(k), moved })
     }
 
     /// Whether the straight segment meets no blocked cell, except those round its first point.
@@ -152,11 +122,7 @@ impl VisibilityGraph {
         let mut heap = BinaryHeap::new();
         for (vertex, length) in self.seen_from(from) {
             best[vertex as usize].0 = length;
-            heap.push(Entry {
-                cost: length,
-                distance: length,
-                node: vertex,
-            });
+            heap.push(Entry { cost: length, distance: length, node: vertex });
         }
         while let Some(Entry { distance, node, .. }) = heap.pop() {
             if distance > best[node as usize].0 {
@@ -166,11 +132,7 @@ impl VisibilityGraph {
                 let reached = distance + length;
                 if reached < best[other as usize].0 {
                     best[other as usize] = (reached, node);
-                    heap.push(Entry {
-                        cost: reached,
-                        distance: reached,
-                        node: other,
-                    });
+                    heap.push(Entry { cost: reached, distance: reached, node: other });
                 }
             }
         }
@@ -187,16 +149,10 @@ impl VisibilityGraph {
             .map(|(k, t)| (t.0 + (self.vertices[k].at - to).norm(), k as u32))
             .collect();
         ways.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        ways.into_iter()
-            .find(|(_, k)| self.is_visible(&self.vertices[*k as usize].at, to))
+        ways.into_iter().find(|(_, k)| self.is_visible(&self.vertices[*k as usize].at, to))
     }
 
-    fn length_to(
-        &self,
-        start: &Point2<f64>,
-        goal: &Point2<f64>,
-        starts: &mut Vec<Start>,
-    ) -> Option<f64> {
+    fn length_to(&self, start: &Point2<f64>, goal: &Point2<f64>, starts: &mut Vec<Start>) -> Option<f64> {
         let to = self.pull(goal, None)?;
         // One search per component the start can be pulled into: nearly always one.
         let known = starts.iter().position(|s| s.end.component == to.component);
@@ -207,11 +163,7 @@ impl VisibilityGraph {
                 if end.component != to.component {
                     return None;
                 }
-                starts.push(Start {
-                    tree: self.tree(&end.at),
-                    end,
-                    lattice: None,
-                });
+                starts.push(Start { tree: self.tree(&end.at), end, lattice: None });
                 starts.len() - 1
             }
         };
@@ -221,9 +173,7 @@ impl VisibilityGraph {
         } else if let Some((length, _)) = self.best_entry(&from.tree, &to.at) {
             length
         } else {
-            let distances = from
-                .lattice
-                .get_or_insert_with(|| self.lattice.distances(from.end.anchor));
+            let distances = from.lattice.get_or_insert_with(|| self.lattice.distances(from.end.anchor));
             distances[to.anchor]
         };
         Some(cells * self.grid.resolution_m)

@@ -70,27 +70,15 @@ impl VisibilityGraph {
         }
         let radius = clearance_m / grid.resolution_m;
         if radius < 2.0 {
-            return Err(GroundError::ClearanceTooSmall {
-                clearance_m,
-                resolution_m: grid.resolution_m,
-            });
+            return Err(GroundError::ClearanceTooSmall { clearance_m, resolution_m: grid.resolution_m });
         }
         let field = ClearanceField::new(&grid);
         let lattice = Lattice::new(&field, radius);
         let rings = outlines(&grid);
         let corners = CornerIndex::new(&grid, &rings);
-        let simple: Vec<Vec<[f64; 2]>> = rings
-            .iter()
-            .map(|ring| simplify(ring, SIMPLIFY_CELLS))
-            .collect();
-        let polygons = simple
-            .iter()
-            .map(|ring| {
-                ring.iter()
-                    .map(|c| grid.to_world(&Point2::new(c[0], c[1])))
-                    .collect()
-            })
-            .collect();
+        let simple: Vec<Vec<[f64; 2]>> = rings.iter().map(|ring| simplify(ring, SIMPLIFY_CELLS)).collect();
+        let polygons =
+            simple.iter().map(|ring| ring.iter().map(|c| grid.to_world(&Point2::new(c[0], c[1]))).collect()).collect();
         let mut graph = VisibilityGraph {
             grid,
             field,
@@ -101,10 +89,7 @@ impl VisibilityGraph {
             corners,
             polygons,
         };
-        graph.vertices = simple
-            .iter()
-            .flat_map(|ring| graph.vertices_of(ring))
-            .collect();
+        graph.vertices = simple.iter().flat_map(|ring| graph.vertices_of(ring)).collect();
         graph.connect();
         Ok(graph)
     }
@@ -157,19 +142,12 @@ impl VisibilityGraph {
             let step = turn / steps;
             for s in 0..steps as usize {
                 let outward = rotate(&Vector2::new(before.y, -before.x), (s as f64 + 0.5) * step);
-                let directions = (
-                    rotate(&before, s as f64 * step),
-                    rotate(&before, (s as f64 + 1.0) * step),
-                );
+                let directions = (rotate(&before, s as f64 * step), rotate(&before, (s as f64 + 1.0) * step));
                 // Outside the wavering of the simplified wall where there is room for it, else tight.
                 for room in [SIMPLIFY_CELLS, 0.5 * SIMPLIFY_CELLS, 1e-6] {
                     let at = corner + outward * ((self.radius + room) / (0.5 * step).cos());
                     if self.is_free(&at) {
-                        vertices.push(Vertex {
-                            at,
-                            before: directions.0,
-                            after: directions.1,
-                        });
+                        vertices.push(Vertex { at, before: directions.0, after: directions.1 });
                         break;
                     }
                 }
@@ -186,10 +164,7 @@ impl VisibilityGraph {
                 let (from, to) = (self.vertices[a], self.vertices[b]);
                 let across = to.at - from.at;
                 let length = across.norm();
-                if from.is_taut(&across, length)
-                    && to.is_taut(&across, length)
-                    && self.is_visible(&from.at, &to.at)
-                {
+                if from.is_taut(&across, length) && to.is_taut(&across, length) && self.is_visible(&from.at, &to.at) {
                     self.edges[a].push((b as u32, length));
                     self.edges[b].push((a as u32, length));
                 }
@@ -203,8 +178,7 @@ impl VisibilityGraph {
         if near - HALF_DIAGONAL >= self.radius {
             return true;
         }
-        near + HALF_DIAGONAL >= self.radius
-            && self.grid.distance_to_blocked(p, self.radius + 1.0) >= self.radius
+        near + HALF_DIAGONAL >= self.radius && self.grid.distance_to_blocked(p, self.radius + 1.0) >= self.radius
     }
 
     /// Whether the segment between two free points keeps the clearance. Exact: where the lattice cannot tell, the
@@ -220,9 +194,7 @@ impl VisibilityGraph {
         let mut unsure: Option<(f64, f64)> = None;
         let mut s = 0.0;
         loop {
-            let distance = self
-                .field
-                .nearest(a.x + direction.x * s, a.y + direction.y * s);
+            let distance = self.field.nearest(a.x + direction.x * s, a.y + direction.y * s);
             if distance + HALF_DIAGONAL < self.radius {
                 return false;
             }
@@ -237,10 +209,7 @@ impl VisibilityGraph {
         }
         match unsure {
             None => true,
-            Some((low, high)) => {
-                self.corners
-                    .all_beyond(a, &direction, low.max(0.0), high.min(length), self.radius)
-            }
+            Some((low, high)) => self.corners.all_beyond(a, &direction, low.max(0.0), high.min(length), self.radius),
         }
     }
 
@@ -285,16 +254,8 @@ impl CornerIndex {
     fn new(grid: &PaddedGrid, rings: &[Vec<Corner>]) -> Self {
         let nx = (grid.width as f64 / BUCKET_CELLS) as i64 + 1;
         let ny = (grid.height as f64 / BUCKET_CELLS) as i64 + 1;
-        let convex = || {
-            rings
-                .iter()
-                .flatten()
-                .filter(|c| c.convex)
-                .map(|c| [f64::from(c.x), f64::from(c.y)])
-        };
-        let bucket = |p: &[f64; 2]| {
-            ((p[1] / BUCKET_CELLS) as i64 * nx + (p[0] / BUCKET_CELLS) as i64) as usize
-        };
+        let convex = || rings.iter().flatten().filter(|c| c.convex).map(|c| [f64::from(c.x), f64::from(c.y)]);
+        let bucket = |p: &[f64; 2]| ((p[1] / BUCKET_CELLS) as i64 * nx + (p[0] / BUCKET_CELLS) as i64) as usize;
         let mut start = vec![0u32; (nx * ny) as usize + 1];
         for p in convex() {
             start[bucket(&p) + 1] += 1;
@@ -309,23 +270,11 @@ impl CornerIndex {
             points[*slot as usize] = p;
             *slot += 1;
         }
-        CornerIndex {
-            nx,
-            ny,
-            start,
-            points,
-        }
+        CornerIndex { nx, ny, start, points }
     }
 
     /// Whether no corner is nearer than `radius` to the part `[low, high]` of the ray from `a`.
-    fn all_beyond(
-        &self,
-        a: &Point2<f64>,
-        direction: &Vector2<f64>,
-        low: f64,
-        high: f64,
-        radius: f64,
-    ) -> bool {
+    fn all_beyond(&self, a: &Point2<f64>, direction: &Vector2<f64>, low: f64, high: f64, radius: f64) -> bool {
         let (p, q) = (a + direction * low, a + direction * high);
         let column = |x: f64| ((x / BUCKET_CELLS).floor() as i64).clamp(0, self.nx - 1);
         let row = |y: f64| ((y / BUCKET_CELLS).floor() as i64).clamp(0, self.ny - 1);
@@ -334,16 +283,10 @@ impl CornerIndex {
         let (y_low, y_high) = (p.y.min(q.y), p.y.max(q.y));
         for by in row(y_low - radius)..=row(y_high + radius) {
             // The part of the segment whose y is within `radius` of this row of buckets.
-            let (row_low, row_high) = (
-                by as f64 * BUCKET_CELLS - radius,
-                (by + 1) as f64 * BUCKET_CELLS + radius,
-            );
+            let (row_low, row_high) = (by as f64 * BUCKET_CELLS - radius, (by + 1) as f64 * BUCKET_CELLS + radius);
             let (mut s0, mut s1) = (low, high);
             if direction.y.abs() > 1e-12 {
-                let (t0, t1) = (
-                    (row_low - a.y) / direction.y,
-                    (row_high - a.y) / direction.y,
-                );
+                let (t0, t1) = ((row_low - a.y) / direction.y, (row_high - a.y) / direction.y);
                 s0 = s0.max(t0.min(t1));
                 s1 = s1.min(t0.max(t1));
                 if s0 > s1 {
@@ -353,8 +296,7 @@ impl CornerIndex {
             let (x0, x1) = (a.x + direction.x * s0, a.x + direction.x * s1);
             for bx in column(x0.min(x1) - radius)..=column(x0.max(x1) + radius) {
                 let bucket = (by * self.nx + bx) as usize;
-                for c in &self.points[self.start[bucket] as usize..self.start[bucket + 1] as usize]
-                {
+                for c in &self.points[self.start[bucket] as usize..self.start[bucket + 1] as usize] {
                     let w = Point2::from(*c) - a;
                     let s = w.dot(direction).clamp(low, high);
                     if (w - direction * s).norm_squared() < limit {

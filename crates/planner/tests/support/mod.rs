@@ -15,16 +15,8 @@ pub struct Picture {
 
 impl Picture {
     pub fn free(width_m: f64, height_m: f64, resolution_m: f64) -> Self {
-        let (width, height) = (
-            (width_m / resolution_m).round() as usize,
-            (height_m / resolution_m).round() as usize,
-        );
-        Picture {
-            width,
-            height,
-            resolution_m,
-            blocked: vec![false; width * height],
-        }
+        let (width, height) = ((width_m / resolution_m).round() as usize, (height_m / resolution_m).round() as usize);
+        Picture { width, height, resolution_m, blocked: vec![false; width * height] }
     }
 
     pub fn view(&self) -> GridView<'_> {
@@ -57,10 +49,7 @@ impl Picture {
 
     /// Distance from a point to the nearest blocked square, by looking at all of them (outside is blocked).
     pub fn distance(&self, p: &Point2<f64>) -> f64 {
-        let (w, h) = (
-            self.width as f64 * self.resolution_m,
-            self.height as f64 * self.resolution_m,
-        );
+        let (w, h) = (self.width as f64 * self.resolution_m, self.height as f64 * self.resolution_m);
         let mut best = p.x.min(p.y).min(w - p.x).min(h - p.y).max(0.0);
         for y in 0..self.height {
             for x in 0..self.width {
@@ -95,10 +84,7 @@ pub fn flat(door_m: f64, seed: u64) -> Picture {
             if seed > 0 {
                 for _ in 0..3 {
                     let (w, h) = (0.3 + 0.4 * random.unit(), 0.3 + 0.4 * random.unit());
-                    let (x, y) = (
-                        x0 + 0.1 + random.unit() * (rw - w - 0.2),
-                        y0 + 0.1 + random.unit() * (rh - h - 0.2),
-                    );
+                    let (x, y) = (x0 + 0.1 + random.unit() * (rw - w - 0.2), y0 + 0.1 + random.unit() * (rh - h - 0.2));
                     picture.block(x, y, x + w, y + h);
                 }
             }
@@ -127,21 +113,9 @@ fn clear(picture: &mut Picture, x: f64, y: f64, width: f64, vertical: bool) {
     let high = |v: f64| (v / r + 1e-9).floor() * r;
     let (along, across) = (width / 2.0, 0.6);
     if vertical {
-        picture.fill(
-            x - across,
-            low(y - along),
-            x + across,
-            high(y + along),
-            false,
-        );
+        picture.fill(x - across, low(y - along), x + across, high(y + along), false);
     } else {
-        picture.fill(
-            low(x - along),
-            y - across,
-            high(x + along),
-            y + across,
-            false,
-        );
+        picture.fill(low(x - along), y - across, high(x + along), y + across, false);
     }
 }
 
@@ -176,12 +150,7 @@ impl Voxels {
     pub fn new(size_m: [f64; 3], boxes: &[[f64; 6]]) -> Self {
         let size = size_m.map(|s| (s / VOXEL_M).round() as usize);
         let n = size[0] * size[1] * size[2];
-        let mut voxels = Voxels {
-            size,
-            occupied: vec![false; n],
-            unknown: vec![false; n],
-            distance_m: Vec::new(),
-        };
+        let mut voxels = Voxels { size, occupied: vec![false; n], unknown: vec![false; n], distance_m: Vec::new() };
         for b in boxes {
             voxels.fill(b, true);
         }
@@ -191,8 +160,7 @@ impl Voxels {
     /// Sets every voxel that a box touches.
     pub fn fill(&mut self, b: &[f64; 6], value: bool) {
         let low = |k: usize| (b[k] / VOXEL_M + 1e-9).floor().max(0.0) as usize;
-        let high =
-            |k: usize| ((b[k + 3] / VOXEL_M - 1e-9).ceil().max(0.0) as usize).min(self.size[k]);
+        let high = |k: usize| ((b[k + 3] / VOXEL_M - 1e-9).ceil().max(0.0) as usize).min(self.size[k]);
         for z in low(2)..high(2) {
             for y in low(1)..high(1) {
                 for x in low(0)..high(0) {
@@ -212,11 +180,7 @@ impl Voxels {
     /// Separable exact transform.
     pub fn measure(&mut self) {
         let far = 1e9f32;
-        let mut d: Vec<f32> = self
-            .occupied
-            .iter()
-            .map(|o| if *o { 0.0 } else { far })
-            .collect();
+        let mut d: Vec<f32> = self.occupied.iter().map(|o| if *o { 0.0 } else { far }).collect();
         let strides = [1, self.size[0], self.size[0] * self.size[1]];
         for (&n, &stride) in self.size.iter().zip(&strides) {
             for base in 0..d.len() {
@@ -263,23 +227,11 @@ impl Voxels {
     }
 
     pub fn center(&self, k: usize) -> nalgebra::Point3<f64> {
-        let (x, y, z) = (
-            k % self.size[0],
-            k / self.size[0] % self.size[1],
-            k / (self.size[0] * self.size[1]),
-        );
-        nalgebra::Point3::new(
-            (x as f64 + 0.5) * VOXEL_M,
-            (y as f64 + 0.5) * VOXEL_M,
-            (z as f64 + 0.5) * VOXEL_M,
-        )
+        let (x, y, z) = (k % self.size[0], k / self.size[0] % self.size[1], k / (self.size[0] * self.size[1]));
+        nalgebra::Point3::new((x as f64 + 0.5) * VOXEL_M, (y as f64 + 0.5) * VOXEL_M, (z as f64 + 0.5) * VOXEL_M)
     }
 
-    pub fn obstacles(
-        &self,
-        low: &nalgebra::Point3<f64>,
-        high: &nalgebra::Point3<f64>,
-    ) -> Vec<nalgebra::Point3<f64>> {
+    pub fn obstacles(&self, low: &nalgebra::Point3<f64>, high: &nalgebra::Point3<f64>) -> Vec<nalgebra::Point3<f64>> {
         let range = |k: usize| {
             ((low[k] / VOXEL_M).floor().max(0.0) as usize)
                 ..((high[k] / VOXEL_M).ceil().max(0.0) as usize).min(self.size[k])
@@ -301,10 +253,7 @@ impl Voxels {
 
 /// The flat of 12 rooms in three dimensions: ceiling 2.5 m, doors 2.05 m high, boxes on the floor.
 pub fn flat_3d(door_m: f64, seed: u64) -> Voxels {
-    let mut boxes = vec![
-        [0.0, 0.0, 0.0, 17.0, 10.0, 0.1],
-        [0.0, 0.0, 2.6, 17.0, 10.0, 2.7],
-    ];
+    let mut boxes = vec![[0.0, 0.0, 0.0, 17.0, 10.0, 0.1], [0.0, 0.0, 2.6, 17.0, 10.0, 2.7]];
     let mut random = SplitMix(seed);
     for k in 0..=4 {
         let x = 0.5 + f64::from(k) * 4.0;
@@ -316,19 +265,9 @@ pub fn flat_3d(door_m: f64, seed: u64) -> Voxels {
     }
     for room in 0..12 {
         for _ in 0..2 {
-            let (x0, y0) = (
-                0.5 + f64::from(room % 4) * 4.0,
-                0.5 + f64::from(room / 4) * 3.0,
-            );
-            let (w, d, h) = (
-                0.3 + 0.7 * random.unit(),
-                0.3 + 0.7 * random.unit(),
-                0.4 + 1.3 * random.unit(),
-            );
-            let (x, y) = (
-                x0 + 0.1 + random.unit() * (3.8 - w),
-                y0 + 0.1 + random.unit() * (2.8 - d),
-            );
+            let (x0, y0) = (0.5 + f64::from(room % 4) * 4.0, 0.5 + f64::from(room / 4) * 3.0);
+            let (w, d, h) = (0.3 + 0.7 * random.unit(), 0.3 + 0.7 * random.unit(), 0.4 + 1.3 * random.unit());
+            let (x, y) = (x0 + 0.1 + random.unit() * (3.8 - w), y0 + 0.1 + random.unit() * (2.8 - d));
             boxes.push([x, y, 0.0, x + w, y + d, h]);
         }
     }

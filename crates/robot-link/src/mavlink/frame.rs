@@ -34,11 +34,7 @@ pub struct FrameWriter {
 impl FrameWriter {
     /// A writer that starts at sequence 0.
     pub fn new(system_id: u8, component_id: u8) -> Self {
-        Self {
-            system_id,
-            component_id,
-            sequence: 0,
-        }
+        Self { system_id, component_id, sequence: 0 }
     }
 
     /// The next frame.
@@ -50,18 +46,8 @@ impl FrameWriter {
         let id = message.id().to_le_bytes();
         // No payload of ours is longer than 255 bytes: the largest message has 233.
         let length = payload.len() as u8;
-        let mut frame = vec![
-            MAGIC_V2,
-            length,
-            0,
-            0,
-            self.sequence,
-            self.system_id,
-            self.component_id,
-            id[0],
-            id[1],
-            id[2],
-        ];
+        let mut frame =
+            vec![MAGIC_V2, length, 0, 0, self.sequence, self.system_id, self.component_id, id[0], id[1], id[2]];
         frame.extend_from_slice(&payload);
         let extra = specification(message.id()).map_or(0, |specification| specification.crc_extra);
         frame.extend(checksum(&frame[1..], extra).to_le_bytes());
@@ -171,22 +157,11 @@ fn parse(bytes: &[u8]) -> Parsed {
         // A flag we do not know means that we cannot read the frame.
         return Parsed::NoFrame(Fault::NoStart);
     }
-    let signature = if is_v2 && bytes[2] & SIGNED != 0 {
-        SIGNATURE
-    } else {
-        0
-    };
+    let signature = if is_v2 && bytes[2] & SIGNED != 0 { SIGNATURE } else { 0 };
     let payload_end = header + usize::from(bytes[1]);
-    let [sequence, system_id, component_id] = if is_v2 {
-        [bytes[4], bytes[5], bytes[6]]
-    } else {
-        [bytes[2], bytes[3], bytes[4]]
-    };
-    let id = if is_v2 {
-        u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0])
-    } else {
-        u32::from(bytes[5])
-    };
+    let [sequence, system_id, component_id] =
+        if is_v2 { [bytes[4], bytes[5], bytes[6]] } else { [bytes[2], bytes[3], bytes[4]] };
+    let id = if is_v2 { u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]) } else { u32::from(bytes[5]) };
     let Some(specification) = specification(id) else {
         return Parsed::NoFrame(Fault::Unknown);
     };
@@ -199,30 +174,19 @@ fn parse(bytes: &[u8]) -> Parsed {
         return Parsed::NoFrame(Fault::Checksum);
     }
     match Message::from_payload(id, &bytes[header..payload_end]) {
-        Some(message) => Parsed::Frame(
-            Received {
-                system_id,
-                component_id,
-                sequence,
-                message,
-            },
-            length,
-        ),
+        Some(message) => Parsed::Frame(Received { system_id, component_id, sequence, message }, length),
         None => Parsed::NoFrame(Fault::Unknown),
     }
 }
 
 /// X.25 checksum (CRC-16/MCRF4XX) as MAVLink uses it, with the extra byte of the message at the end.
 pub fn checksum(bytes: &[u8], crc_extra: u8) -> u16 {
-    bytes
-        .iter()
-        .chain(std::iter::once(&crc_extra))
-        .fold(0xFFFF, |crc, byte| {
-            let mut low = byte ^ (crc & 0xFF) as u8;
-            low ^= low << 4;
-            let low = u16::from(low);
-            (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
-        })
+    bytes.iter().chain(std::iter::once(&crc_extra)).fold(0xFFFF, |crc, byte| {
+        let mut low = byte ^ (crc & 0xFF) as u8;
+        low ^= low << 4;
+        let low = u16::from(low);
+        (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
+    })
 }
 
 #[cfg(test)]
@@ -247,12 +211,7 @@ mod tests {
         assert_eq!(reader.read(&stream).len(), 1);
         assert_eq!(
             reader.statistics,
-            Statistics {
-                messages: 1,
-                bad_checksums: 1,
-                skipped_bytes: 2,
-                ..Statistics::default()
-            }
+            Statistics { messages: 1, bad_checksums: 1, skipped_bytes: 2, ..Statistics::default() }
         );
     }
 
@@ -267,12 +226,7 @@ mod tests {
         signed.extend(checksum(&signed[1..], 34).to_le_bytes());
         signed.extend([7; SIGNATURE]);
         for frame in [v1, signed] {
-            let received = Received {
-                system_id: 1,
-                component_id: 2,
-                sequence: 9,
-                message: message.clone(),
-            };
+            let received = Received { system_id: 1, component_id: 2, sequence: 9, message: message.clone() };
             assert_eq!(FrameReader::new().read(&frame), vec![received]);
         }
         let unknown_flag = [MAGIC_V2, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0];

@@ -174,13 +174,7 @@ impl Message {
         match self {
             Self::Heartbeat(m) => {
                 out.extend(m.custom_mode.to_le_bytes());
-                out.extend([
-                    m.vehicle_type,
-                    m.autopilot,
-                    m.base_mode,
-                    m.system_status,
-                    m.mavlink_version,
-                ]);
+                out.extend([m.vehicle_type, m.autopilot, m.base_mode, m.system_status, m.mavlink_version]);
             }
             Self::CommandLong(m) => {
                 floats(&mut out, &m.params);
@@ -214,12 +208,7 @@ impl Message {
                 floats(&mut out, &m.angular_velocity);
                 floats(&mut out, &m.pose_covariance);
                 floats(&mut out, &m.velocity_covariance);
-                out.extend([
-                    m.frame_id,
-                    m.child_frame_id,
-                    m.reset_counter,
-                    m.estimator_type,
-                ]);
+                out.extend([m.frame_id, m.child_frame_id, m.reset_counter, m.estimator_type]);
                 out.extend(m.quality.to_le_bytes());
             }
         }
@@ -266,10 +255,7 @@ impl Message {
                 target_component: f.byte(),
                 coordinate_frame: f.byte(),
             }),
-            111 => Self::Timesync(Timesync {
-                tc1: i64::from_le_bytes(f.take()),
-                ts1: i64::from_le_bytes(f.take()),
-            }),
+            111 => Self::Timesync(Timesync { tc1: i64::from_le_bytes(f.take()), ts1: i64::from_le_bytes(f.take()) }),
             331 => Self::Odometry(Box::new(Odometry {
                 time_usec: u64::from_le_bytes(f.take()),
                 position: f.floats(),
@@ -352,10 +338,7 @@ mod tests {
     fn a_cut_payload_means_zeros() {
         assert_eq!(
             Message::from_payload(77, &[0x90, 1]),
-            Some(Message::CommandAck(CommandAck {
-                command: 400,
-                ..CommandAck::default()
-            }))
+            Some(Message::CommandAck(CommandAck { command: 400, ..CommandAck::default() }))
         );
         assert_eq!(Message::from_payload(12345, &[]), None);
     }

@@ -5,6 +5,4 @@ pub mod message;
 pub mod offboard;
 
 pub use frame::{FrameReader, FrameWriter, Received, Statistics};
-pub use message::{
-    CommandAck, CommandLong, Heartbeat, Message, Odometry, SetPositionTargetLocalNed, Timesync,
-};
+pub use message::{CommandAck, CommandLong, Heartbeat, Message, Odometry, SetPositionTargetLocalNed, Timesync};

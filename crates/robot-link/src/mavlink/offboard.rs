@@ -8,12 +8,8 @@
 //! PX4 leaves OFFBOARD when set-points come slower than 2 Hz. An unanswered command is repeated after 0.5-1 s with
 //! `confirmation + 1`.
 
-use crate::frames::{
-    frd_from_flu, local_frd_attitude, local_frd_covariance, ned_from_enu, ned_yaw,
-};
-use crate::mavlink::message::{
-    CommandLong, Heartbeat, Odometry, SetPositionTargetLocalNed, Timesync,
-};
+use crate::frames::{frd_from_flu, local_frd_attitude, local_frd_covariance, ned_from_enu, ned_yaw};
+use crate::mavlink::message::{CommandLong, Heartbeat, Odometry, SetPositionTargetLocalNed, Timesync};
 use nalgebra::{Isometry3, Matrix6, Vector3};
 
 const FRAME_LOCAL_NED: u8 = 1;
@@ -90,14 +86,7 @@ pub enum OffboardError {
 
 /// Our heartbeat: an onboard controller, active.
 pub fn heartbeat() -> Heartbeat {
-    Heartbeat {
-        custom_mode: 0,
-        vehicle_type: 18,
-        autopilot: 8,
-        base_mode: 0,
-        system_status: 4,
-        mavlink_version: 3,
-    }
+    Heartbeat { custom_mode: 0, vehicle_type: 18, autopilot: 8, base_mode: 0, system_status: 4, mavlink_version: 3 }
 }
 
 /// Set-point for the autopilot `target` (system, component).
@@ -109,34 +98,16 @@ pub fn position_target(
     target: (u8, u8),
     set_point: &SetPoint,
 ) -> Result<SetPositionTargetLocalNed, OffboardError> {
-    let vectors = [
-        set_point.position_in_world,
-        set_point.velocity_in_world,
-        set_point.acceleration_in_world,
-    ];
+    let vectors = [set_point.position_in_world, set_point.velocity_in_world, set_point.acceleration_in_world];
     if vectors.iter().all(Option::is_none) {
         return Err(OffboardError::Empty);
     }
     let ignored = [IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION];
-    let mut type_mask: u16 = vectors
-        .iter()
-        .zip(ignored)
-        .filter(|(vector, _)| vector.is_none())
-        .map(|(_, bits)| bits)
-        .sum();
-    type_mask |= if set_point.yaw_rad.is_none() {
-        IGNORE_YAW
-    } else {
-        0
-    };
-    type_mask |= if set_point.yaw_rate_radps.is_none() {
-        IGNORE_YAW_RATE
-    } else {
-        0
-    };
-    let ned = |vector: Option<Vector3<f64>>| {
-        single(&vector.map_or(Vector3::zeros(), |v| ned_from_enu(&v)))
-    };
+    let mut type_mask: u16 =
+        vectors.iter().zip(ignored).filter(|(vector, _)| vector.is_none()).map(|(_, bits)| bits).sum();
+    type_mask |= if set_point.yaw_rad.is_none() { IGNORE_YAW } else { 0 };
+    type_mask |= if set_point.yaw_rate_radps.is_none() { IGNORE_YAW_RATE } else { 0 };
+    let ned = |vector: Option<Vector3<f64>>| single(&vector.map_or(Vector3::zeros(), |v| ned_from_enu(&v)));
     Ok(SetPositionTargetLocalNed {
         time_boot_ms,
         position: ned(vectors[0])?,
@@ -144,9 +115,7 @@ pub fn position_target(
         acceleration: ned(vectors[2])?,
         yaw: single(&Vector3::repeat(set_point.yaw_rad.map_or(0.0, ned_yaw)))?[0],
         // Clockwise is positive for PX4; `0.0 - x` keeps an unset rate a plain zero.
-        yaw_rate: single(&Vector3::repeat(
-            0.0 - set_point.yaw_rate_radps.unwrap_or(0.0),
-        ))?[0],
+        yaw_rate: single(&Vector3::repeat(0.0 - set_point.yaw_rate_radps.unwrap_or(0.0)))?[0],
         type_mask,
         target_system: target.0,
         target_component: target.1,
@@ -203,15 +172,7 @@ pub fn odometry(
 /// Asks for a mode; `confirmation` counts repetitions.
 pub fn set_mode(target: (u8, u8), mode: Mode, confirmation: u8) -> CommandLong {
     let (main, sub) = mode.numbers();
-    let params = [
-        BASE_MODE_CUSTOM,
-        f32::from(main),
-        f32::from(sub),
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    ];
+    let params = [BASE_MODE_CUSTOM, f32::from(main), f32::from(sub), 0.0, 0.0, 0.0, 0.0];
     CommandLong {
         params,
         command: COMMAND_DO_SET_MODE,
@@ -224,13 +185,7 @@ pub fn set_mode(target: (u8, u8), mode: Mode, confirmation: u8) -> CommandLong {
 /// Asks to arm or disarm; `confirmation` counts repetitions.
 pub fn arm(target: (u8, u8), armed: bool, confirmation: u8) -> CommandLong {
     let params = [if armed { 1.0 } else { 0.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    CommandLong {
-        params,
-        command: COMMAND_ARM,
-        target_system: target.0,
-        target_component: target.1,
-        confirmation,
-    }
+    CommandLong { params, command: COMMAND_ARM, target_system: target.0, target_component: target.1, confirmation }
 }
 
 /// Whether the motors may turn.
@@ -247,18 +202,12 @@ pub fn is_in_mode(heartbeat: &Heartbeat, mode: Mode) -> bool {
 
 /// Asks the peer for its time.
 pub fn timesync_request(now_ns: i64) -> Timesync {
-    Timesync {
-        tc1: 0,
-        ts1: now_ns,
-    }
+    Timesync { tc1: 0, ts1: now_ns }
 }
 
 /// Answers the peer's request; `None` when the message is not a request.
 pub fn timesync_answer(received: &Timesync, now_ns: i64) -> Option<Timesync> {
-    (received.tc1 == 0).then_some(Timesync {
-        tc1: now_ns,
-        ts1: received.ts1,
-    })
+    (received.tc1 == 0).then_some(Timesync { tc1: now_ns, ts1: received.ts1 })
 }
 
 /// Peer's clock minus ours, and the time the question was under way; `None` for a request or an answer from the future. Answers with
@@ -272,11 +221,7 @@ pub fn clock_offset_ns(answer: &Timesync, now_ns: i64) -> Option<(i64, i64)> {
 
 fn single(v: &Vector3<f64>) -> Result<[f32; 3], OffboardError> {
     let out = [v.x as f32, v.y as f32, v.z as f32];
-    if out.iter().all(|value| value.is_finite()) {
-        Ok(out)
-    } else {
-        Err(OffboardError::NotFinite)
-    }
+    if out.iter().all(|value| value.is_finite()) { Ok(out) } else { Err(OffboardError::NotFinite) }
 }
 
 #[cfg(test)]
@@ -287,12 +232,7 @@ mod tests {
     fn masks_are_those_of_the_manual() {
         let v = Some(Vector3::zeros());
         let check = |set_point: SetPoint, mask: u16| {
-            assert_eq!(
-                position_target(0, (1, 1), &set_point)
-                    .expect("finite")
-                    .type_mask,
-                mask
-            );
+            assert_eq!(position_target(0, (1, 1), &set_point).expect("finite").type_mask, mask);
         };
         let full = SetPoint {
             position_in_world: v,
@@ -302,95 +242,31 @@ mod tests {
             yaw_rate_radps: None,
         };
         check(full, 0x800);
-        check(
-            SetPoint {
-                velocity_in_world: v,
-                yaw_rate_radps: Some(0.0),
-                ..SetPoint::default()
-            },
-            1479,
-        );
-        check(
-            SetPoint {
-                position_in_world: v,
-                yaw_rad: Some(0.0),
-                ..SetPoint::default()
-            },
-            0x9F8,
-        );
+        check(SetPoint { velocity_in_world: v, yaw_rate_radps: Some(0.0), ..SetPoint::default() }, 1479);
+        check(SetPoint { position_in_world: v, yaw_rad: Some(0.0), ..SetPoint::default() }, 0x9F8);
         assert_eq!(
-            position_target(
-                0,
-                (1, 1),
-                &SetPoint {
-                    yaw_rad: Some(0.0),
-                    ..SetPoint::default()
-                }
-            ),
+            position_target(0, (1, 1), &SetPoint { yaw_rad: Some(0.0), ..SetPoint::default() }),
             Err(OffboardError::Empty)
         );
-        let nan = SetPoint {
-            position_in_world: Some(Vector3::repeat(f64::NAN)),
-            ..SetPoint::default()
-        };
-        assert_eq!(
-            position_target(0, (1, 1), &nan),
-            Err(OffboardError::NotFinite)
-        );
+        let nan = SetPoint { position_in_world: Some(Vector3::repeat(f64::NAN)), ..SetPoint::default() };
+        assert_eq!(position_target(0, (1, 1), &nan), Err(OffboardError::NotFinite));
     }
 
     #[test]
     fn modes_and_arming_are_read_from_a_heartbeat() {
-        let offboard = Heartbeat {
-            custom_mode: 6 << 16,
-            base_mode: 0x9D,
-            ..Heartbeat::default()
-        };
-        assert!(
-            is_armed(&offboard)
-                && is_in_mode(&offboard, Mode::Offboard)
-                && !is_in_mode(&offboard, Mode::Hold)
-        );
-        let landing = Heartbeat {
-            custom_mode: 4 << 16 | 6 << 24,
-            base_mode: 1,
-            ..Heartbeat::default()
-        };
-        assert!(
-            !is_armed(&landing)
-                && is_in_mode(&landing, Mode::Land)
-                && !is_in_mode(&landing, Mode::Return)
-        );
+        let offboard = Heartbeat { custom_mode: 6 << 16, base_mode: 0x9D, ..Heartbeat::default() };
+        assert!(is_armed(&offboard) && is_in_mode(&offboard, Mode::Offboard) && !is_in_mode(&offboard, Mode::Hold));
+        let landing = Heartbeat { custom_mode: 4 << 16 | 6 << 24, base_mode: 1, ..Heartbeat::default() };
+        assert!(!is_armed(&landing) && is_in_mode(&landing, Mode::Land) && !is_in_mode(&landing, Mode::Return));
     }
 
     #[test]
     fn clocks_are_compared_at_the_middle_of_the_way() {
         // Asked at 100, the peer's clock said 1060 when ours was 110, heard at 120.
-        assert_eq!(
-            clock_offset_ns(
-                &Timesync {
-                    tc1: 1060,
-                    ts1: 100
-                },
-                120
-            ),
-            Some((950, 20))
-        );
+        assert_eq!(clock_offset_ns(&Timesync { tc1: 1060, ts1: 100 }, 120), Some((950, 20)));
         assert_eq!(clock_offset_ns(&Timesync { tc1: 0, ts1: 100 }, 120), None);
-        assert_eq!(
-            clock_offset_ns(
-                &Timesync {
-                    tc1: i64::MIN,
-                    ts1: i64::MAX
-                },
-                120
-            ),
-            None
-        );
-        assert_eq!(
-            timesync_answer(&timesync_request(7), 9),
-            Some(Timesync { tc1: 9, ts1: 7 })
-        );
+        assert_eq!(clock_offset_ns(&Timesync { tc1: i64::MIN, ts1: i64::MAX }, 120), None);
+        assert_eq!(timesync_answer(&timesync_request(7), 9), Some(Timesync { tc1: 9, ts1: 7 }));
         assert_eq!(timesync_answer(&Timesync { tc1: 1, ts1: 2 }, 9), None);
     }
 }

@@ -101,10 +101,7 @@ impl<'a> CdrReader<'a> {
     /// [`CdrError::CutOff`].
     pub fn number<const N: usize>(&mut self) -> Result<[u8; N], CdrError> {
         let start = self.at.next_multiple_of(N);
-        let bytes = self
-            .body
-            .get(start..start + N)
-            .and_then(|slice| slice.try_into().ok());
+        let bytes = self.body.get(start..start + N).and_then(|slice| slice.try_into().ok());
         self.at = start + N;
         bytes.ok_or(CdrError::CutOff { at: start })
     }
@@ -139,17 +136,13 @@ impl<'a> CdrReader<'a> {
     /// [`CdrError::CutOff`], [`CdrError::BadString`].
     pub fn string(&mut self) -> Result<String, CdrError> {
         let bytes = self.bytes()?;
-        let bad = CdrError::BadString {
-            at: self.at - bytes.len(),
-        };
+        let bad = CdrError::BadString { at: self.at - bytes.len() };
         let text = match bytes {
             [] => bytes,
             [text @ .., 0] => text,
             _ => return Err(bad),
         };
-        std::str::from_utf8(text)
-            .map(str::to_owned)
-            .map_err(|_| bad)
+        std::str::from_utf8(text).map(str::to_owned).map_err(|_| bad)
     }
 
     /// A sequence of bytes. The length is checked against what is there before anything is copied.
@@ -190,19 +183,10 @@ mod tests {
     #[test]
     fn lying_lengths_are_refused() {
         let lie = [0, 1, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, b'a'];
-        assert_eq!(
-            CdrReader::new(&lie).and_then(|mut reader| reader.string()),
-            Err(CdrError::CutOff { at: 4 })
-        );
+        assert_eq!(CdrReader::new(&lie).and_then(|mut reader| reader.string()), Err(CdrError::CutOff { at: 4 }));
         let open = [0, 1, 0, 0, 1, 0, 0, 0, b'a'];
-        assert_eq!(
-            CdrReader::new(&open).and_then(|mut reader| reader.string()),
-            Err(CdrError::BadString { at: 4 })
-        );
-        assert!(matches!(
-            CdrReader::new(&[0, 0, 0, 0]),
-            Err(CdrError::Encapsulation)
-        ));
+        assert_eq!(CdrReader::new(&open).and_then(|mut reader| reader.string()), Err(CdrError::BadString { at: 4 }));
+        assert!(matches!(CdrReader::new(&[0, 0, 0, 0]), Err(CdrError::Encapsulation)));
         assert!(matches!(CdrReader::new(&[0]), Err(CdrError::Encapsulation)));
     }
 }

@@ -165,11 +165,8 @@ impl SportModeState {
     /// The DDS payload, in the layout of the ROS 2 messages (without the path points that the SDK appends).
     pub fn to_cdr(&self) -> Vec<u8> {
         let mut out = CdrWriter::new();
-        let floats = |out: &mut CdrWriter, values: &[f32]| {
-            values
-                .iter()
-                .for_each(|value| out.number(value.to_le_bytes()))
-        };
+        let floats =
+            |out: &mut CdrWriter, values: &[f32]| values.iter().for_each(|value| out.number(value.to_le_bytes()));
         out.number(self.stamp_s.to_le_bytes());
         out.number(self.stamp_ns.to_le_bytes());
         out.number(self.error_code.to_le_bytes());
@@ -187,9 +184,7 @@ impl SportModeState {
         floats(&mut out, &self.velocity);
         floats(&mut out, &[self.yaw_speed_radps]);
         floats(&mut out, &self.range_obstacle);
-        self.foot_force
-            .iter()
-            .for_each(|force| out.number(force.to_le_bytes()));
+        self.foot_force.iter().for_each(|force| out.number(force.to_le_bytes()));
         floats(&mut out, &self.foot_position_body);
         floats(&mut out, &self.foot_speed_body);
         out.finish()

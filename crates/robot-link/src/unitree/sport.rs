@@ -84,33 +84,17 @@ impl Call {
         let xyz = |x: f64, y: f64, z: f64| {
             // Rust prints every finite number as JSON wants it.
             let is_finite = x.is_finite() && y.is_finite() && z.is_finite();
-            is_finite
-                .then(|| format!("{{\"x\":{x},\"y\":{y},\"z\":{z}}}"))
-                .ok_or(CallError::NotFinite)
+            is_finite.then(|| format!("{{\"x\":{x},\"y\":{y},\"z\":{z}}}")).ok_or(CallError::NotFinite)
         };
         let parameter = match *self {
-            Self::Euler {
-                roll_rad,
-                pitch_rad,
-                yaw_rad,
-            } => xyz(roll_rad, pitch_rad, yaw_rad)?,
-            Self::Move {
-                forward_mps,
-                left_mps,
-                yaw_rate_radps,
-            } => xyz(forward_mps, left_mps, yaw_rate_radps)?,
+            Self::Euler { roll_rad, pitch_rad, yaw_rad } => xyz(roll_rad, pitch_rad, yaw_rad)?,
+            Self::Move { forward_mps, left_mps, yaw_rate_radps } => xyz(forward_mps, left_mps, yaw_rate_radps)?,
             Self::SpeedLevel(level) => format!("{{\"data\":{level}}}"),
             Self::SwitchJoystick(on) => format!("{{\"data\":{on}}}"),
             _ => "{}".to_owned(),
         };
         let no_reply = matches!(self, Self::Move { .. });
-        Ok(Request {
-            id,
-            api_id: self.api_id(),
-            no_reply,
-            parameter,
-            ..Request::default()
-        })
+        Ok(Request { id, api_id: self.api_id(), no_reply, parameter, ..Request::default() })
     }
 }
 
@@ -155,45 +139,25 @@ mod tests {
     #[test]
     fn parameters_are_json() {
         let check = |call: Call, api_id: i64, parameter: &str, no_reply: bool| {
-            let expected = Request {
-                id: 5,
-                api_id,
-                parameter: parameter.into(),
-                no_reply,
-                ..Request::default()
-            };
+            let expected = Request { id: 5, api_id, parameter: parameter.into(), no_reply, ..Request::default() };
             assert_eq!(call.request(5), Ok(expected));
         };
         check(Call::StandUp, 1004, "{}", false);
         check(
-            Call::Move {
-                forward_mps: 0.5,
-                left_mps: 0.0,
-                yaw_rate_radps: -1e-7,
-            },
+            Call::Move { forward_mps: 0.5, left_mps: 0.0, yaw_rate_radps: -1e-7 },
             1008,
             r#"{"x":0.5,"y":0,"z":-0.0000001}"#,
             true,
         );
         check(Call::SpeedLevel(-1), 1015, r#"{"data":-1}"#, false);
         check(Call::SwitchJoystick(true), 1027, r#"{"data":true}"#, false);
-        let nan = Call::Move {
-            forward_mps: f64::NAN,
-            left_mps: 0.0,
-            yaw_rate_radps: 0.0,
-        };
+        let nan = Call::Move { forward_mps: f64::NAN, left_mps: 0.0, yaw_rate_radps: 0.0 };
         assert_eq!(nan.request(5), Err(CallError::NotFinite));
     }
 
     #[test]
     fn codes_have_meanings() {
-        let outcome = |code| {
-            Response {
-                code,
-                ..Response::default()
-            }
-            .outcome()
-        };
+        let outcome = |code| Response { code, ..Response::default() }.outcome();
         assert_eq!(
             [outcome(0), outcome(3204), outcome(-7)],
             [Outcome::Done, Outcome::BadParameter, Outcome::Other(-7)]

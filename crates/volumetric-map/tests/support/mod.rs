@@ -198,14 +198,13 @@ impl Lidar {
             let azimuth = std::f64::consts::TAU * column as f64 / self.columns as f64;
             for ring in 0..self.rings {
                 let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * fov;
-                let ray = Vector3::new(
-                    elevation.cos() * azimuth.cos(),
-                    elevation.cos() * azimuth.sin(),
-                    elevation.sin(),
-                );
+                let ray =
+                    Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
                 let in_sensor = motor * tilt * ray;
                 let in_world = world_from_sensor.rotation * in_sensor;
-                let Some((range, label)) = world.cast(&world_from_sensor.translation.vector, &in_world) else { continue };
+                let Some((range, label)) = world.cast(&world_from_sensor.translation.vector, &in_world) else {
+                    continue;
+                };
                 let noisy = range + self.noise_m * self.gauss();
                 points.push((Point3::from((in_sensor * noisy).cast::<f32>()), label));
             }
