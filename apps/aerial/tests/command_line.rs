@@ -5,8 +5,11 @@ use std::path::Path;
 use std::process::Command;
 
 fn robot(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_omnivln-aerial")).current_dir(folder).args(arguments).output().expect("it starts");
+    let output = Command::new(env!("CARGO_BIN_EXE_omnivln-aerial"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("it starts");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("the robot speaks UTF-8");
     let (out, err) = (text(output.stdout), text(output.stderr));
     assert!(!err.contains("panicked"), "{err}");

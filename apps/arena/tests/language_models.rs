@@ -129,7 +129,11 @@ fn a_server_that_chooses_well_from_the_schema_is_used_without_fallback() {
     assert!(!used.is_empty(), "the model decides: {:?}", result.summary);
     for decision in &used {
         assert!(!decision.is_fallback);
-        assert!(decision.action.starts_with("explore") || decision.action.starts_with("turn_to"), "{}", decision.action);
+        assert!(
+            decision.action.starts_with("explore") || decision.action.starts_with("turn_to"),
+            "{}",
+            decision.action
+        );
         assert_eq!(decision.answer_tokens % 7, 0, "the server's own count of tokens");
     }
     assert!(used.iter().any(|decision| decision.verdicts.last().is_some_and(|verdict| verdict == "accepted")));

@@ -74,7 +74,11 @@ fn a_robot_in_another_room_is_not_done() {
                     continue;
                 }
                 judged += 1;
-                assert!(!referee.is_done(&step, &standing_at(&middle)), "{kind:?}: object {id} from room {}", room.name);
+                assert!(
+                    !referee.is_done(&step, &standing_at(&middle)),
+                    "{kind:?}: object {id} from room {}",
+                    room.name
+                );
             }
         }
         assert!(judged > 50, "{judged}");
@@ -91,7 +95,13 @@ fn a_room_is_reached_inside_it_and_nowhere_else() {
             for room in &flat.building.rooms {
                 let rect = &room.rects[0];
                 let middle = Point2::from((rect.min.coords + rect.max.coords) / 2.0);
-                assert_eq!(referee.is_done(&step, &standing_at(&middle)), asked.id == room.id, "{} {}", asked.name, room.name);
+                assert_eq!(
+                    referee.is_done(&step, &standing_at(&middle)),
+                    asked.id == room.id,
+                    "{} {}",
+                    asked.name,
+                    room.name
+                );
             }
         }
     }
@@ -101,17 +111,15 @@ fn a_room_is_reached_inside_it_and_nowhere_else() {
 fn view_points_are_free_for_the_robot_and_within_one_metre_of_floor() {
     for (name, kind) in [("flat", RobotKind::Ground), ("office", RobotKind::Aerial)] {
         let scene = scene(name);
-        {
-            let referee = referee(&scene, kind);
-            let radius_m = robot(kind).circumscribed_radius_m;
-            for object in &scene.building.objects {
-                for cell in referee.view_points(object).into_iter().step_by(5) {
-                    let at = referee.floor().center_of(cell);
-                    let off_m = object.bounds.footprint().distance_m(&at);
-                    assert!(off_m <= VIEW_DISTANCE_M + CELL_TOL_M, "{name} {kind:?} {}: {off_m} m", object.class);
-                    assert!(referee.floor().clearance_m(cell) >= radius_m, "{name} {kind:?} {}", object.class);
-                    assert!(referee.sees_from(&at, object), "{name} {kind:?} {}: no unblocked ray", object.class);
-                }
+        let referee = referee(&scene, kind);
+        let radius_m = robot(kind).circumscribed_radius_m;
+        for object in &scene.building.objects {
+            for cell in referee.view_points(object).into_iter().step_by(5) {
+                let at = referee.floor().center_of(cell);
+                let off_m = object.bounds.footprint().distance_m(&at);
+                assert!(off_m <= VIEW_DISTANCE_M + CELL_TOL_M, "{name} {kind:?} {}: {off_m} m", object.class);
+                assert!(referee.floor().clearance_m(cell) >= radius_m, "{name} {kind:?} {}", object.class);
+                assert!(referee.sees_from(&at, object), "{name} {kind:?} {}: no unblocked ray", object.class);
             }
         }
     }

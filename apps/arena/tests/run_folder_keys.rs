@@ -13,8 +13,26 @@ use support::{coarse, scene, short_run};
 
 /// The keys that the work order promises ...
 const PROMISED: [&str; 21] = [
-    "success", "reason", "robot", "scene", "seed", "instruction", "target", "path_m", "shortest_m", "spl", "sim_s", "wall_s",
-    "cpu_s", "decisions", "prompt_tokens", "answer_tokens", "collisions", "min_clearance_m", "rooms_found", "objects_found",
+    "success",
+    "reason",
+    "robot",
+    "scene",
+    "seed",
+    "instruction",
+    "target",
+    "path_m",
+    "shortest_m",
+    "spl",
+    "sim_s",
+    "wall_s",
+    "cpu_s",
+    "decisions",
+    "prompt_tokens",
+    "answer_tokens",
+    "collisions",
+    "min_clearance_m",
+    "rooms_found",
+    "objects_found",
     "stages",
 ];
 /// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it.

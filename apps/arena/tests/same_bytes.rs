@@ -5,15 +5,21 @@ mod support;
 use arena::mission::robot_model::RobotKind;
 use arena::run::RunResult;
 use arena::scenario::Scene;
-use support::{coarse, decisions_jsonl, scene, short_run, start, robot, run_from, summary_without_clocks};
+use support::{coarse, decisions_jsonl, robot, run_from, scene, short_run, start, summary_without_clocks};
 
-/// Long enough for several decisions and some metres of way.
-const MAX_TIME_S: f64 = 8.0;
+/// Long enough for several decisions and some metres of way; the aerial robot climbs first.
+fn max_time_s(kind: RobotKind) -> f64 {
+    match kind {
+        RobotKind::Ground => 5.0,
+        RobotKind::Aerial => 8.0,
+    }
+}
+
 const SEED: u64 = 1;
 
 fn with_threads(threads: usize, kind: RobotKind, text: &str, scene: &Scene) -> RunResult {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a small pool");
-    pool.install(|| short_run(&coarse(MAX_TIME_S), kind, scene, text, SEED))
+    pool.install(|| short_run(&coarse(max_time_s(kind)), kind, scene, text, SEED))
 }
 
 /// The same scene at one and at two threads, then with other ids: three runs, one journal.
@@ -34,7 +40,7 @@ fn check(kind: RobotKind, name: &str, text: &str) {
     let renamed = Scene::new(name, original.building.with_permuted_ids(7)).expect("a world with other ids");
     assert_ne!(original.building.objects, renamed.building.objects, "the ids are others");
     // The start is the same pose: free floor does not depend on ids.
-    let config = coarse(MAX_TIME_S);
+    let config = coarse(max_time_s(kind));
     let robot = robot(kind);
     let from = start(&original, &robot, &config, SEED);
     let permuted = run_from(&config, &robot, &renamed, text, &from, SEED);

@@ -13,8 +13,11 @@ struct Said {
 
 /// Runs the robot in `folder`.
 fn robot(folder: &Path, arguments: &[&str]) -> Said {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_omnivln-ground")).current_dir(folder).args(arguments).output().expect("it starts");
+    let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_omnivln-ground"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("it starts");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("the robot speaks UTF-8");
     let said = Said { code: status.code(), out: text(stdout), err: text(stderr) };
     assert!(!said.err.contains("panicked"), "{arguments:?}: {}", said.err);
@@ -65,7 +68,17 @@ fn help_reads_well_and_names_every_option() {
     let said = robot(folder.path(), &["--help"]);
     assert_eq!((said.code, said.err.as_str()), (Some(0), ""));
     for option in [
-        "--scene", "--seed", "--urdf", "--out", "--known", "--start", "--llm", "--model", "--lidar", "--max-time", "--quiet",
+        "--scene",
+        "--seed",
+        "--urdf",
+        "--out",
+        "--known",
+        "--start",
+        "--llm",
+        "--model",
+        "--lidar",
+        "--max-time",
+        "--quiet",
         "Exit codes",
     ] {
         assert!(said.out.contains(option), "{option}");
@@ -119,7 +132,8 @@ fn an_instruction_that_names_nothing_is_refused() {
 #[test]
 fn a_missing_or_broken_urdf_is_refused_with_its_name() {
     let folder = tempfile::tempdir().unwrap();
-    let refused = |file: &str, words: &[&str]| check_refused(folder.path(), &[FIND, "--scene", "spin", "--urdf", file], words);
+    let refused =
+        |file: &str, words: &[&str]| check_refused(folder.path(), &[FIND, "--scene", "spin", "--urdf", file], words);
     refused("nowhere.urdf", &["nowhere.urdf"]);
     refused(".", &["URDF"]);
     for (name, text) in [
@@ -204,7 +218,8 @@ fn a_full_search_for_a_unicorn_ends_with_a_sentence_and_exit_code_one_and_the_fo
 
     // A later, shorter run into the same place replaces it.
     fs::write(folder.path().join("run/left-over.txt"), "old").unwrap();
-    let said = robot(folder.path(), &["find the unicorn", "--scene", "spin", "--out", "run", "--max-time", "1", "--quiet"]);
+    let said =
+        robot(folder.path(), &["find the unicorn", "--scene", "spin", "--out", "run", "--max-time", "1", "--quiet"]);
     assert_eq!(said.code, Some(1));
     assert_eq!((said.err.as_str(), said.out.lines().count()), ("", 1), "quiet: the sentence alone");
     assert!(!folder.path().join("run/left-over.txt").exists());

@@ -67,8 +67,7 @@ fn thoughts(robot: &RobotModel, camera_height_m: f64, graph: &SceneGraph, pose: 
     let config = PromptConfig { camera_height_m, ..PromptConfig::default() };
     let prompt = build_prompt_for(&situation, &config, &Estimate);
     let (critic, mut reasoner) = (Critic::default(), SymbolicReasoner::default());
-    let record =
-        decide_with_critic(&mut reasoner, &critic, &situation, &prompt, 3, &mut SymbolicReasoner::default());
+    let record = decide_with_critic(&mut reasoner, &critic, &situation, &prompt, 3, &mut SymbolicReasoner::default());
     let schema = messages::reply_schema(&prompt.names);
     assert!(!prompt.text.contains(&robot.name), "the prompt does not name the robot");
     format!("{}\n{schema}\n{record:?}", prompt.text)
