@@ -38,7 +38,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub urdf: Option<PathBuf>,
 
-    /// Run folder, by default runs/<robot>-<scene>-<seed>; an earlier run there is replaced once this one is complete
+    /// Run folder, by default runs/ROBOT-SCENE-SEED; an earlier run there is replaced once this one is complete
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
