@@ -41,7 +41,6 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("runs").join(format!("{}-{scene_name}-{}", word(kind), options.seed)));
-    let folder = RunFolder::new(&out)?;
     let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
     if let (Some(known), Some(pose)) = (&mut known, &options.start) {
         // Whatever height was given, the robot stands on the floor of the map.
@@ -64,6 +63,8 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         }
     };
 
+    // Everything that can be refused has been: only now is anything written.
+    let folder = RunFolder::new(&out)?;
     let stop = Arc::new(AtomicBool::new(false));
     let on_signal = Arc::clone(&stop);
     ctrlc::set_handler(move || on_signal.store(true, Ordering::Relaxed)).context("listening for Ctrl-C")?;

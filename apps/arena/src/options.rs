@@ -63,7 +63,7 @@ pub struct Options {
     pub lidar: LidarMount,
 
     /// Give up after so many seconds of simulated time
-    #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive)]
+    #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub max_time: f64,
 
     /// No progress, only the result
@@ -112,6 +112,11 @@ impl Options {
         const LONGEST: usize = 2000;
         if self.instruction.len() > LONGEST {
             bail!("the instruction has {} bytes; at most {LONGEST} are read", self.instruction.len());
+        }
+        if let Some(url) = &self.llm
+            && !url.starts_with("http://")
+        {
+            bail!("--llm takes the address of a plain HTTP server such as http://127.0.0.1:8091/v1, not \"{url}\"");
         }
         if let Some(urdf) = &self.urdf {
             std::fs::metadata(urdf).with_context(|| format!("reading the URDF {}", urdf.display()))?;

@@ -239,11 +239,8 @@ pub fn run(
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
-            if path_m.max(shortest_m) > 0.0 {
-                shortest_m / path_m.max(shortest_m)
-            } else {
-                1.0
-            }
+            // Whoever starts at a right place has driven no detour.
+            if shortest_m < crate::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
         }
         _ => 0.0,
     };

@@ -20,6 +20,9 @@ impl RunFolder {
     /// Prepares to write `target`. An existing run folder will be replaced; any other non-empty folder is refused now,
     /// before the robot has moved.
     pub fn new(target: &Path) -> Result<RunFolder> {
+        if target.file_name().is_none() {
+            bail!("{} is no name for a run folder; --out needs a folder of its own", target.display());
+        }
         if target.is_file() {
             bail!(
                 "{} is a file; --out needs a folder that does not exist yet or holds an earlier run",

@@ -28,7 +28,7 @@ fn standing_at(at: &Point2<f64>) -> Isometry3<f64> {
 }
 
 /// All objects of the lowest storey that this robot can look at.
-fn visible_targets<'a>(scene: &'a Scene, referee: &Referee) -> Vec<(u32, u32, Vec<Point2<f64>>)> {
+fn visible_targets(scene: &Scene, referee: &Referee) -> Vec<(u32, u32, Vec<Point2<f64>>)> {
     scene
         .building
         .objects

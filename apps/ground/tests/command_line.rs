@@ -86,7 +86,6 @@ fn help_reads_well_and_names_every_option() {
 }
 
 #[test]
-#[ignore = "defect: clap wraps only with its feature wrap_help; max_term_width has no effect"]
 fn help_fits_the_width_it_promises() {
     let folder = tempfile::tempdir().unwrap();
     let said = robot(folder.path(), &["--help"]);
@@ -95,7 +94,6 @@ fn help_fits_the_width_it_promises() {
 }
 
 #[test]
-#[ignore = "defect: arena::cli makes the parent of the run folder before scene and instruction are read"]
 fn a_refusal_leaves_no_empty_folder_behind() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [[FIND, "--scene", "castle"], ["please", "--scene", "spin"]] {

@@ -133,6 +133,11 @@ impl Mission {
         self.instruction.nouns()
     }
 
+    /// The robot that carries it out.
+    pub fn robot(&self) -> &RobotModel {
+        &self.robot
+    }
+
     /// Seconds since the mission began.
     pub fn seconds(&self, now: Stamp) -> f64 {
         (now.0 - self.start.0) as f64 * 1e-9

@@ -484,7 +484,8 @@ impl Mission {
             world_from_body: odometry.world_from_body,
             instruction: self.instruction.clone(),
             step_index: self.step_index,
-            camera_height_m: self.robot.sensors.body_from_camera.translation.vector.z,
+            // One height for every robot, or two robots at one pose would split the same room differently.
+            camera_height_m: self.config.prompt.camera_height_m,
             reach,
             stoppable,
             frontiers,
