@@ -59,13 +59,13 @@ pub struct BenchNav {
     pub runs: Vec<Summary>,
 }
 
-/// Draws and runs. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
+/// Draws and runs the scenes with these indices. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
 /// every run is written below it. Progress goes to stderr unless `is_quiet`.
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the bench
 pub fn bench_nav(
     robot: &RobotModel,
     kind: RobotKind,
-    scenes: usize,
+    indices: &[usize],
     seed: u64,
     config: &RunConfig,
     keep: Option<&Path>,
@@ -73,15 +73,15 @@ pub fn bench_nav(
     stop: &Arc<AtomicBool>,
 ) -> Result<BenchNav> {
     let start = Instant::now();
-    let bar = if is_quiet { ProgressBar::hidden() } else { ProgressBar::new(scenes as u64) };
+    let bar = if is_quiet { ProgressBar::hidden() } else { ProgressBar::new(indices.len() as u64) };
     bar.set_style(
         ProgressStyle::with_template("{elapsed_precise} [{bar:30}] {pos}/{len} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
     let successes = std::sync::atomic::AtomicUsize::new(0);
-    let outcomes: Vec<(Summary, Option<Facts>)> = (0..scenes)
-        .into_par_iter()
-        .map(|index| {
+    let outcomes: Vec<(Summary, Option<Facts>)> = indices
+        .par_iter()
+        .map(|&index| {
             let outcome = one_run(robot, kind, seed, index, config, keep, stop);
             let done = successes.fetch_add(usize::from(outcome.0.success), Ordering::Relaxed);
             bar.inc(1);
@@ -104,7 +104,7 @@ pub fn bench_nav(
     let wall_s = start.elapsed().as_secs_f64();
     Ok(BenchNav {
         robot: word(kind).to_owned(),
-        scenes,
+        scenes: indices.len(),
         seed,
         success_rate: runs.iter().filter(|run| run.success).count() as f64 / count,
         spl_mean: runs.iter().map(|run| run.spl).sum::<f64>() / count,
@@ -140,6 +140,9 @@ fn one_run(
         seed,
         ..Summary::default()
     };
+    if stop.load(Ordering::Relaxed) {
+        return (failed("not run: the bench was interrupted".into()), None);
+    }
     let scenario = match draw_scenario(seed, index, robot, config.mission.flight_height_m) {
         Ok(scenario) => scenario,
         Err(error) => return (failed(format!("could not be drawn: {error:#}")), None),

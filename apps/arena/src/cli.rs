@@ -65,9 +65,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
 
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let on_signal = Arc::clone(&stop);
-    ctrlc::set_handler(move || on_signal.store(true, Ordering::Relaxed)).context("listening for Ctrl-C")?;
+    let stop = stop_at_ctrl_c()?;
     let bar = progress_bar(options.quiet, config.max_time_s);
     let result = run(&config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut |progress| {
         show(&bar, progress);
@@ -165,4 +163,15 @@ fn show(bar: &ProgressBar, progress: &Progress) {
 /// True where a bar cannot be drawn in place.
 fn console_is_dumb() -> bool {
     !std::io::IsTerminal::is_terminal(&std::io::stderr())
+}
+
+/// A flag that Ctrl-C sets.
+///
+/// # Errors
+/// If somebody else listens already.
+pub fn stop_at_ctrl_c() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let on_signal = Arc::clone(&stop);
+    ctrlc::set_handler(move || on_signal.store(true, Ordering::Relaxed)).context("listening for Ctrl-C")?;
+    Ok(stop)
 }

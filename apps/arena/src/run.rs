@@ -226,6 +226,8 @@ pub fn run(
         }
     }
 
+    truth.truth_from_map *= mission.world.map_from_odometry().inverse();
+
     // The verdict.
     let pose = simulation.true_pose();
     if let Some(last_step) = task.steps.last()

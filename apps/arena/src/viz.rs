@@ -11,8 +11,7 @@ use anyhow::{Context, Result};
 use mission::dsg::Object;
 use mission::journal::{CurveSample, Journal};
 use mission::mission::Outcome;
-use mission::navigation::NavigationMap;
-use mission::robot_model::{CollisionShape, RobotModel};
+use mission::robot_model::CollisionShape;
 use mission::volumetric_map::Mesh;
 use mission::world_model::WorldModel;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -278,14 +277,7 @@ fn log_marks(recording: &RecordingStream, result: &RunResult) -> Result<()> {
 
 /// The robot as the boxes around its collision shapes, moved to where it believed to be.
 fn log_body(recording: &RecordingStream, result: &RunResult, curves: &[CurveSample]) -> Result<()> {
-    let boxes = match builtin_robot(result) {
-        Some(robot) => boxes_of(&robot.collision_shapes),
-        None => {
-            // Only its circle is known here: a flat box of that width.
-            let radius_m = result.mission.world.navigation.clearance_m();
-            Boxes3D::from_half_sizes([[radius_m, radius_m, 0.05]])
-        }
-    };
+    let boxes = boxes_of(&result.mission.robot().collision_shapes);
     let boxes = boxes.with_colors([WAY]).with_fill_mode(FillMode::Solid);
     recording.log_static("map/robot/body", &boxes)?;
     if curves.is_empty() {
@@ -297,15 +289,6 @@ fn log_body(recording: &RecordingStream, result: &RunResult, curves: &[CurveSamp
             curves.iter().map(|sample| quaternion(&UnitQuaternion::from_euler_angles(0.0, 0.0, sample.pose[3]))),
         );
     Ok(recording.send_columns("map/robot", [times(curves.iter().map(|s| s.t_s))], moves.columns_of_unit_batches()?)?)
-}
-
-/// The built-in robot that drove this run. A run's result names its robot but does not carry the model: the name and the
-/// width of its circle must both agree, lest a changed model of the same name be drawn with the wrong body.
-fn builtin_robot(result: &RunResult) -> Option<RobotModel> {
-    let width_m = result.mission.world.navigation.clearance_m();
-    [RobotModel::builtin_quadruped(), RobotModel::builtin_quadrotor()]
-        .into_iter()
-        .find(|robot| robot.name == result.summary.model && NavigationMap::new(robot).clearance_m() == width_m)
 }
 
 /// Smallest boxes around the shapes, each along the axes of its own frame.

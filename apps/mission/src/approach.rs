@@ -20,16 +20,19 @@ pub struct Stand {
     pub is_visible: bool,
 }
 
-/// Rings of candidate poses, in units of one tenth of a metre.
+/// Spacing of the candidate positions.
 const STEP_M: f64 = 0.10;
 /// What a hidden candidate costs against a visible one, in metres of way: the other side of a wall is no place to look from.
 const HIDDEN_COST_M: f64 = 30.0;
 /// What a metre beyond the wanted distance costs, in metres of way.
 const FAR_COST: f64 = 8.0;
+/// What a metre costs that the robot lacks for turning on the spot, in metres of way.
+const TIGHT_COST: f64 = 40.0;
 
 /// Finds the best place to look at `bounds` from at most `distance_m` (floor distance to the box), for an eye at `eye_m`
 /// above the world's zero. If nothing is reachable that near, places up to `fallback_m` count, at a price. `is_clear(eye,
-/// thing)` says whether the map shows nothing between. `None` if the robot cannot get near at all.
+/// thing)` says whether the map shows nothing between, `lacking_m(point)` how much room the robot lacks there to turn.
+/// `None` if the robot cannot get near at all.
 pub fn stand_before(
     bounds: &Aabb,
     reach: &ReachMap,
@@ -37,6 +40,7 @@ pub fn stand_before(
     distance_m: f64,
     fallback_m: f64,
     is_clear: &dyn Fn(&Point3<f64>, &Point3<f64>) -> bool,
+    lacking_m: &dyn Fn(&Point2<f64>) -> f64,
 ) -> Option<Stand> {
     let mut candidates: Vec<(Point2<f64>, f64)> = Vec::new();
     let (min, max) = (bounds.min.xy(), bounds.max.xy());
@@ -66,6 +70,7 @@ pub fn stand_before(
         let cost = way_m
             + FAR_COST * (distance - distance_m).max(0.0)
             + if is_visible { 0.0 } else { HIDDEN_COST_M }
+            + TIGHT_COST * lacking_m(point)
             // Among equals, a little room to breathe.
             + (0.4 - distance).max(0.0) * 2.0;
         if best.as_ref().is_none_or(|(least, _)| cost < *least - 1e-9) {

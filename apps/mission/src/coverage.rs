@@ -4,6 +4,8 @@
 //! `inspect_range_m` of it with nothing between. A frontier is a patch of known free space that is not inspected yet, or
 //! that borders space nobody has measured. Frontiers keep their identity while they shrink.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point2, Vector2};
 use rustc_hash::{FxHashMap, FxHashSet};
 use volumetric_map::{Cell, OccupancyGrid};
@@ -19,7 +21,7 @@ pub struct CoverageConfig {
     pub min_area_m2: f64,
     /// A frontier keeps its identity while its middle moves less than this between updates, default 1.5 m.
     pub identity_m: f64,
-    /// Patches are cut to about this size so that each is one trip, default 3 m.
+    /// Edge of the lattice by which large regions are cut into patches, so that each is one trip, default 3 m.
     pub patch_m: f64,
 }
 
@@ -49,6 +51,8 @@ pub struct Coverage {
     /// Cells that could not be reached, and until when they are left alone.
     postponed: FxHashMap<(i32, i32), f64>,
     now_s: f64,
+    /// Cells worth a look at the last update.
+    interesting: FxHashSet<(i32, i32)>,
     frontiers: Vec<Frontier>,
     next_id: u64,
 }
@@ -62,6 +66,7 @@ impl Coverage {
             given_up: FxHashSet::default(),
             postponed: FxHashMap::default(),
             now_s: 0.0,
+            interesting: FxHashSet::default(),
             frontiers: Vec::new(),
             next_id: 0,
         }
@@ -129,21 +134,23 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
-    /// Offers again what was left alone; true if there was any.
+    /// Offers again, at the next update, what was left alone; true if there was any.
     pub fn reconsider(&mut self) -> bool {
-        let any = !self.postponed.is_empty();
+        let any = self.postponed.values().any(|until_s| self.now_s < *until_s);
         self.postponed.clear();
         any
     }
 
+    /// The cells of the patches round `at`, and no others: what lies behind the next wall is not given up with them.
     fn patch_round(&self, at: &Point2<f64>) -> Vec<(i32, i32)> {
         let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;
         let (cx, cy) = self.cell_of(at);
         let mut cells = Vec::new();
         for dy in -reach..=reach {
             for dx in -reach..=reach {
-                if dx * dx + dy * dy <= reach * reach {
-                    cells.push((cx + dx, cy + dy));
+                let cell = (cx + dx, cy + dy);
+                if dx * dx + dy * dy <= reach * reach && self.interesting.contains(&cell) {
+                    cells.push(cell);
                 }
             }
         }
@@ -175,50 +182,42 @@ impl Coverage {
         self.frontiers.sort_by_key(|frontier| frontier.id);
     }
 
-    /// Connected patches of interesting cells, largest first: (a cell near the middle, number of cells).
-    fn patches(&self, slice: &OccupancyGrid) -> Vec<(Point2<f64>, u32)> {
-        let mut interesting: Vec<(i32, i32)> = self.interesting_cells(slice);
-        interesting.sort_unstable();
-        let members: FxHashSet<(i32, i32)> = interesting.iter().copied().collect();
+    /// Patches of interesting cells, largest first: (a cell near the middle, number of cells). A connected region is cut by
+    /// the lines of a fixed lattice, so that a patch keeps its place when the region grows or shrinks elsewhere.
+    fn patches(&mut self, slice: &OccupancyGrid) -> Vec<(Point2<f64>, u32)> {
+        let interesting = self.interesting_cells(slice);
+        self.interesting = interesting.iter().copied().collect();
+        let members = &self.interesting;
         let mut seen: FxHashSet<(i32, i32)> = FxHashSet::default();
-        let patch_cells = (self.config.patch_m / self.config.cell_m).ceil() as i32;
+        let tile_cells = (self.config.patch_m / self.config.cell_m).ceil().max(1.0) as i32;
         let min_cells = (self.config.min_area_m2 / (self.config.cell_m * self.config.cell_m)).ceil() as usize;
         let mut patches = Vec::new();
         for &seed in &interesting {
             if !seen.insert(seed) {
                 continue;
             }
-            // Breadth first from the seed, not farther than one patch.
-            let mut patch = vec![seed];
+            let mut region = vec![seed];
             let mut next = 0;
-            while next < patch.len() {
-                let (x, y) = patch[next];
+            while next < region.len() {
+                let (x, y) = region[next];
                 next += 1;
-                for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-                    let neighbour = (x + dx, y + dy);
-                    let is_near =
-                        (neighbour.0 - seed.0).abs() <= patch_cells && (neighbour.1 - seed.1).abs() <= patch_cells;
-                    if is_near && members.contains(&neighbour) && seen.insert(neighbour) {
-                        patch.push(neighbour);
+                for neighbour in [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)] {
+                    if members.contains(&neighbour) && seen.insert(neighbour) {
+                        region.push(neighbour);
                     }
                 }
             }
-            if patch.len() < min_cells {
+            if region.len() < min_cells {
                 continue;
             }
-            let count = patch.len() as f64;
-            let mean =
-                patch.iter().fold(Vector2::zeros(), |sum, &(x, y)| sum + Vector2::new(f64::from(x), f64::from(y)))
-                    / count;
-            let middle = patch
-                .iter()
-                .min_by(|a, b| {
-                    let distance = |c: &(i32, i32)| (f64::from(c.0) - mean.x).hypot(f64::from(c.1) - mean.y);
-                    distance(a).total_cmp(&distance(b)).then(a.cmp(b))
-                })
-                .copied()
-                .expect("a patch holds at least its seed");
-            patches.push((self.center_of(middle), patch.len() as u32));
+            let mut tiles: BTreeMap<(i32, i32), Vec<(i32, i32)>> = BTreeMap::new();
+            for (x, y) in region {
+                tiles.entry((x.div_euclid(tile_cells), y.div_euclid(tile_cells))).or_default().push((x, y));
+            }
+            // The corners of a region are seen on the trip to its larger parts.
+            let largest = tiles.values().map(Vec::len).max().unwrap_or(0);
+            let worth_it = tiles.into_values().filter(|patch| patch.len() >= min_cells.min(largest));
+            patches.extend(worth_it.map(|patch| (self.center_of(middle_of(&patch)), patch.len() as u32)));
         }
         patches.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.x.total_cmp(&b.0.x)).then(a.0.y.total_cmp(&b.0.y)));
         patches
@@ -280,6 +279,17 @@ impl Coverage {
     fn center_of(&self, cell: (i32, i32)) -> Point2<f64> {
         Point2::new((f64::from(cell.0) + 0.5) * self.config.cell_m, (f64::from(cell.1) + 0.5) * self.config.cell_m)
     }
+}
+
+/// The member nearest to the mean, which need not be one itself.
+fn middle_of(patch: &[(i32, i32)]) -> (i32, i32) {
+    let sum = patch.iter().fold(Vector2::zeros(), |sum, &(x, y)| sum + Vector2::new(f64::from(x), f64::from(y)));
+    let mean = sum / patch.len() as f64;
+    let distance = |c: &(i32, i32)| (f64::from(c.0) - mean.x).hypot(f64::from(c.1) - mean.y);
+    *patch
+        .iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
+        .expect("a patch holds at least one cell")
 }
 
 #[cfg(test)]

@@ -85,6 +85,11 @@ impl Drive {
         self.clearance_m
     }
 
+    /// Near enough to be content when the last step is barred.
+    fn is_about_there(&self, here: &Point2<f64>) -> bool {
+        matches!(self.goal, Goal::Reach { target, tolerance_m, .. } if (target - here).norm() <= 2.0 * tolerance_m.min(0.25))
+    }
+
     /// Finds the way anew on a fresh map.
     pub fn replan(&mut self, navigation: &NavigationMap, world_from_body: &Isometry3<f64>) {
         let Goal::Reach { target, tolerance_m, .. } = self.goal else { return };
@@ -153,6 +158,8 @@ impl Drive {
                     self.status =
                         if is_near { GoalStatus::Arrived } else { GoalStatus::Failed("the way ends before the goal") };
                 }
+                // As near as what stands there lets it.
+                LocalStatus::Blocked if self.is_about_there(&here) => self.status = GoalStatus::Arrived,
                 LocalStatus::Blocked => {
                     self.blocked_s += self.config.period_s;
                     if self.blocked_s > PATIENCE_S {

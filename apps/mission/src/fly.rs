@@ -1,10 +1,11 @@
 //! In the air: from a goal to set-points. Take-off, certified trajectories through known free space, hover, landing.
 //!
-//! A trajectory is flown only with its certificate, only through space that was seen free, and is dropped for a stop as soon
-//! as the map shows something inside the robot's ball along the rest of it.
+//! A trajectory is flown only with its certificate, only through space that was seen free, and ends at rest. It is left
+//! early only for another certified one or for a brake that is free on the map; when the map shows something inside the
+//! robot's ball along the rest of it, for the shortest brake there is.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::{AirConfig, FlightState, PolynomialTrajectory, plan_air};
+use planner::{AirConfig, AirPlanError, FlightState, PolynomialTrajectory, plan_air};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus};
@@ -15,6 +16,9 @@ use crate::stream::{Command, FlightSetPoint};
 const CLIMB_MPS: f64 = 0.5;
 /// Fraction of the yaw-rate limit used: a slow turn disturbs the LiDAR least.
 const YAW_PART: f64 = 0.5;
+
+/// Slower than this counts as at rest.
+const RESTING_MPS: f64 = 0.05;
 
 /// Obstacle points in a box, given by its low and its high corner.
 type ObstaclesIn<'a> = dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>> + 'a;
@@ -56,6 +60,10 @@ pub struct Fly {
     has_planned: bool,
     /// Trajectory and the time on it.
     flying: Option<(PolynomialTrajectory, f64)>,
+    /// The present trajectory is not wanted any more; it is left where a brake is free, at the latest at its end.
+    wants_stop: bool,
+    /// Down from where it stops.
+    wants_landing: bool,
     /// Set-point when nothing is flown.
     hover: Point3<f64>,
     yaw_rad: f64,
@@ -87,6 +95,8 @@ impl Fly {
             attempts: 0,
             has_planned: false,
             flying: None,
+            wants_stop: false,
+            wants_landing: false,
             hover: Point3::new(0.0, 0.0, landed_z_m),
             yaw_rad: 0.0,
             flight_height_m: flight_z_m,
@@ -110,13 +120,16 @@ impl Fly {
         }
     }
 
-    /// Goes down where the robot is.
+    /// Stops, and goes down there.
     pub fn land(&mut self) {
-        if self.phase == Phase::Flying || self.phase == Phase::TakeOff {
-            self.stop_here();
-            self.phase = Phase::Landing;
-        } else if self.phase == Phase::Grounded {
-            self.phase = Phase::Landed;
+        match self.phase {
+            Phase::Flying => {
+                self.wants_stop = true;
+                self.wants_landing = true;
+            }
+            Phase::TakeOff => self.phase = Phase::Landing,
+            Phase::Grounded => self.phase = Phase::Landed,
+            Phase::Landing | Phase::Landed => {}
         }
     }
 
@@ -125,9 +138,7 @@ impl Fly {
         self.attempts = 0;
         self.has_planned = false;
         self.status = if goal == Goal::Stay { GoalStatus::Arrived } else { GoalStatus::Underway };
-        if goal == Goal::Stay {
-            self.stop_here();
-        }
+        self.wants_stop = goal == Goal::Stay;
         self.goal = goal;
     }
 
@@ -161,9 +172,9 @@ impl Fly {
         if self.phase != Phase::Flying {
             return;
         }
-        let is_free = self.rest_is_free(air);
-        if !is_free {
-            self.stop_here();
+        let is_free = self.flying.as_ref().is_none_or(|(plan, t_s)| self.is_free(plan, *t_s, true, air));
+        if !is_free || self.wants_stop {
+            self.brake(!is_free, air);
         }
         if !matches!(self.goal, Goal::Reach { .. }) || self.status != GoalStatus::Underway {
             return;
@@ -186,8 +197,13 @@ impl Fly {
             Ok(plan) => {
                 self.attempts = 0;
                 self.has_planned = true;
+                self.wants_stop = false;
                 self.path = plan.route.iter().map(|point| point.xy()).collect();
                 self.flying = Some((plan.trajectory, 0.0));
+            }
+            // Too fast for any way from here: come to rest, and plan from there.
+            Err(AirPlanError::NotCertified | AirPlanError::StartTooFast { .. }) if start.v.norm() > RESTING_MPS => {
+                self.brake(false, air);
             }
             Err(_) => self.fail_once("no certified trajectory through what is known"),
         }
@@ -196,26 +212,22 @@ impl Fly {
     fn fail_once(&mut self, why: &'static str) {
         self.attempts += 1;
         if self.attempts >= self.max_attempts {
-            self.stop_here();
+            self.wants_stop = true;
             self.status = GoalStatus::Failed(why);
         }
     }
 
-    /// Whether the rest of the trajectory keeps the robot's ball out of what the map shows now.
-    fn rest_is_free(&self, air: &AirSpace) -> bool {
-        let Some((plan, t_s)) = &self.flying else { return true };
+    /// Whether a trajectory keeps the robot's ball, from a time on, out of what the map shows now. `if_unknown`: the answer
+    /// where nobody has looked.
+    fn is_free(&self, plan: &PolynomialTrajectory, from_s: f64, if_unknown: bool, air: &AirSpace) -> bool {
         const STEP_S: f64 = 0.1;
         // The map's voxels may shift by their size between two looks: only a real intrusion counts.
         let ball_m = self.config.radius_m - 0.05;
-        let mut at_s = *t_s;
-        while at_s < plan.duration() {
-            let point = plan.sample(at_s).p;
-            if (air.distance)(&point).is_some_and(|distance_m| distance_m < ball_m) {
-                return false;
-            }
-            at_s += STEP_S;
-        }
-        true
+        let steps = ((plan.duration() - from_s) / STEP_S).ceil().max(0.0) as usize;
+        (0..=steps).all(|step| {
+            let point = plan.sample((from_s + step as f64 * STEP_S).min(plan.duration())).p;
+            (air.distance)(&point).map_or(if_unknown, |distance_m| distance_m >= ball_m)
+        })
     }
 
     /// The set-point as a state: where a new trajectory begins.
@@ -229,16 +241,25 @@ impl Fly {
         }
     }
 
-    /// Replaces what is flown by a short braking trajectory.
-    fn stop_here(&mut self) {
-        if self.flying.is_some() {
-            let state = self.state();
+    /// Replaces what is flown by a short braking trajectory, if that is free or `must` be. Otherwise the certified one is
+    /// flown on; it ends at rest too.
+    fn brake(&mut self, must: bool, air: &AirSpace) {
+        if self.flying.is_none() {
+            self.wants_stop = false;
+            return;
+        }
+        let state = self.state();
+        if state.v.norm() <= RESTING_MPS {
             self.hover = state.p;
             self.flying = None;
-            if state.v.norm() > 0.05 {
-                self.flying = Some((planner::stop_trajectory(&state, self.config.max_accel_mps2), 0.0));
+        } else {
+            let brake = planner::stop_trajectory(&state, self.config.max_accel_mps2);
+            if !must && !self.is_free(&brake, 0.0, false, air) {
+                return;
             }
+            self.flying = Some((brake, 0.0));
         }
+        self.wants_stop = false;
         self.path.clear();
     }
 
@@ -281,6 +302,9 @@ impl Fly {
                     }
                 }
                 self.judge(&actual);
+                if self.wants_landing && self.flying.is_none() {
+                    self.phase = Phase::Landing;
+                }
             }
         }
         let wanted_rad = match self.goal {

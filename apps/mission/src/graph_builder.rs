@@ -11,6 +11,7 @@ use omni_perception::OdometryEstimate;
 use volumetric_map::{Cell, DistanceField, LineOfSight, PlaceEvent, Volume};
 
 use crate::coverage::Frontier;
+use crate::relation_verifier::geometric_score;
 use crate::rooms::RoomMap;
 
 /// Frontier places are numbered from here, apart from the places of the skeleton.
@@ -83,9 +84,15 @@ impl GraphBuilder {
             LineOfSight::Blocked { at } => Some(at),
             LineOfSight::Clear | LineOfSight::Unknown { .. } => None,
         };
-        let _ = dsg::update_relations(graph, &blocked, &|_, _, _| 1.0, &self.relations);
+        let _ = dsg::update_relations(graph, &blocked, &geometric_score, &self.relations);
         let _ = dsg::update_groups(graph, &self.groups);
         self.add_pose(graph, odometry);
+    }
+
+    /// The frontier places alone, without a new look at the map.
+    pub fn put_frontiers(&mut self, graph: &mut SceneGraph, frontiers: &[Frontier], floor_m: f64) {
+        let update = self.places_of(graph, &[], frontiers, floor_m);
+        let _ = dsg::update_places(graph, &update);
     }
 
     /// Skeleton places as they come and go, and one place per frontier.

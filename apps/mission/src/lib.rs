@@ -8,6 +8,7 @@
 //! independent crates of the house together and holds what only makes sense for a robot that has all of them. It does not know the
 //! simulator: the truth cannot reach it, for it does not compile.
 
+pub mod alignment;
 pub mod approach;
 pub mod archive;
 pub mod autopilot;
@@ -27,6 +28,7 @@ pub mod navigation;
 pub mod openai;
 pub mod reach;
 pub mod reasoning;
+pub mod relation_verifier;
 pub mod rooms;
 pub mod stream;
 pub mod world_model;

@@ -137,9 +137,11 @@ impl NavigationMap {
         self.clearance_m
     }
 
-    /// Whether the robot's circle is free at `point`.
-    pub fn fits(&self, point: &Point2<f64>) -> bool {
-        self.graph.as_ref().is_some_and(|graph| graph.clearance_at(point) >= self.clearance_m)
+    /// How much room the robot lacks at `point` to turn on the spot with a hand's breadth to spare; 0 where it has it.
+    pub fn lacking_m(&self, point: &Point2<f64>) -> f64 {
+        const SPARE_M: f64 = 0.08;
+        let clearance_m = self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point));
+        (self.radius_m + SPARE_M - clearance_m).max(0.0)
     }
 
     /// Middles of the occupied cells within `range_m` of `center`: what the last scans may not show because they are

@@ -8,9 +8,6 @@ use std::collections::BinaryHeap;
 use nalgebra::{Point2, Point3};
 use volumetric_map::{OccupancyGrid, clearance};
 
-/// Something is near a cell if it lies within this distance of it: the robot stands beside things, not in them.
-const BESIDE_M: f64 = 1.3;
-
 /// Length of the shortest way from the robot to every cell where its circle fits.
 #[derive(Debug, Clone, Default)]
 pub struct ReachMap {
@@ -85,9 +82,10 @@ impl ReachMap {
         length_m.is_finite().then_some(f64::from(length_m))
     }
 
-    /// Length of the way to the nearest cell beside `point`, `None` if there is none within 1.3 m of it.
-    pub fn length_to(&self, point: &Point3<f64>) -> Option<f64> {
-        let reach = (BESIDE_M / self.resolution_m.max(1e-3)).ceil() as i64;
+    /// Length of the way to the nearest cell beside `point`, `None` if there is none within `beside_m` of it: the robot
+    /// stands beside things, not in them.
+    pub fn length_to(&self, point: &Point3<f64>, beside_m: f64) -> Option<f64> {
+        let reach = (beside_m / self.resolution_m.max(1e-3)).ceil() as i64;
         let cx = ((point.x - self.origin.x) / self.resolution_m.max(1e-3)).floor() as i64;
         let cy = ((point.y - self.origin.y) / self.resolution_m.max(1e-3)).floor() as i64;
         let mut best: Option<f64> = None;
@@ -95,7 +93,7 @@ impl ReachMap {
             for ix in (cx - reach).max(0)..=(cx + reach).min(self.width as i64 - 1) {
                 let away = (((ix - cx).pow(2) + (iy - cy).pow(2)) as f64).sqrt() * self.resolution_m;
                 let length_m = f64::from(self.length_m[iy as usize * self.width + ix as usize]);
-                if away <= BESIDE_M && length_m.is_finite() {
+                if away <= beside_m && length_m.is_finite() {
                     best = Some(best.map_or(length_m + away, |known: f64| known.min(length_m + away)));
                 }
             }
@@ -146,9 +144,9 @@ mod tests {
     fn the_way_leads_through_the_gap_or_there_is_none() {
         let start = Point2::new(1.0, 0.5);
         let goal = Point3::new(3.5, 0.5, 0.5);
-        let open = ReachMap::new(&grid(8), &start, 0.2).length_to(&goal).unwrap();
+        let open = ReachMap::new(&grid(8), &start, 0.2).length_to(&goal, 1.3).unwrap();
         assert!(open > 2.5, "a detour: {open}");
-        assert_eq!(ReachMap::new(&grid(0), &start, 0.2).length_to(&goal), None);
-        assert_eq!(ReachMap::default().length_to(&goal), None);
+        assert_eq!(ReachMap::new(&grid(0), &start, 0.2).length_to(&goal, 1.3), None);
+        assert_eq!(ReachMap::default().length_to(&goal, 1.3), None);
     }
 }

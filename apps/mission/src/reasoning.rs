@@ -13,6 +13,7 @@ use octant_prompt::{
 };
 
 use octant_prompt::vocabulary::{Class, class_similarity};
+use omni_perception::Stamp;
 
 use crate::approach::{floor_distance_m, in_front_of, stand_before};
 use crate::config::MissionConfig;
@@ -20,6 +21,11 @@ use crate::goal::{Goal, GoalStatus};
 use crate::journal::{DecisionEntry, TraceEntry};
 use crate::mission::{Mission, Outcome, StepDone};
 use crate::reach::ReachMap;
+
+/// Something can be reached if the robot can stand within this of it.
+const BESIDE_M: f64 = 1.3;
+/// ... and, when nothing else is left to search, looked at if it can stand within this of it.
+const IN_VIEW_M: f64 = 3.5;
 
 /// What the robot is after, on behalf of which action.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +62,7 @@ pub struct Snapshot {
     step_index: usize,
     camera_height_m: f64,
     reach: ReachMap,
+    beside_m: f64,
     stoppable: Vec<ObjectId>,
     frontiers: Vec<PlaceId>,
     visited: Vec<RoomId>,
@@ -67,9 +74,20 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// Whether no frontier is left that can be reached and has not failed.
+    fn search_is_over(&self) -> bool {
+        let is_open = |id: &PlaceId| {
+            let failed = |critique: &Critique| critique.action.as_ref() == Some(&Action::Explore(*id));
+            let position = self.graph.place(*id).map(|place| place.position);
+            !self.rejected.iter().any(failed)
+                && position.is_some_and(|position| self.reach.length_to(&position, self.beside_m).is_some())
+        };
+        !self.frontiers.iter().any(is_open)
+    }
+
     /// Calls `use_it` with the borrowed form that the prompt crate takes.
     fn with_situation<T>(&self, use_it: impl FnOnce(&Situation) -> T) -> T {
-        let path_length = |point: &Point3<f64>| self.reach.length_to(point);
+        let path_length = |point: &Point3<f64>| self.reach.length_to(point, self.beside_m);
         let can_stop = |id: ObjectId| self.stoppable.contains(&id);
         let situation = Situation {
             step_index: self.step_index,
@@ -163,8 +181,8 @@ impl Mission {
                         return false;
                     }
                 }
-                self.arrived_s = None;
-                self.arrived();
+                let looked_since_s = self.arrived_s.take();
+                self.arrived(looked_since_s);
                 return true;
             }
             GoalStatus::Failed(why) => {
@@ -204,12 +222,22 @@ impl Mission {
             .collect()
     }
 
-    fn arrived(&mut self) {
-        if let Target::Action(Action::GoNear(id)) = &self.target
+    fn arrived(&mut self, looked_since_s: Option<f64>) {
+        if let Target::Action(Action::GoNear(id)) = self.target
             && self.stands_before_target
-            && !self.memory.inspected.contains(id)
         {
-            self.memory.inspected.push(*id);
+            // A thing that no image from nearby shows is something else, or nothing.
+            let last_seen_s =
+                self.world.graph.object(id).map_or(f64::INFINITY, |o| self.seconds(Stamp(o.last_seen_ns)));
+            if looked_since_s.is_some_and(|since_s| last_seen_s < since_s) {
+                self.failed("no image from nearby shows it");
+                self.body.set_goal(Goal::Stay);
+                self.target = Target::None;
+                return;
+            }
+            if !self.memory.inspected.contains(&id) {
+                self.memory.inspected.push(id);
+            }
         }
         if let Target::Action(Action::Explore(place)) = &self.target
             && let Some(place) = self.world.graph.place(*place)
@@ -255,7 +283,10 @@ impl Mission {
 
     /// Asks for a decision on a snapshot of what is known now.
     pub(crate) fn ask(&mut self, t_s: f64) {
-        let Some(snapshot) = self.snapshot() else { return };
+        let Some(mut snapshot) = self.snapshot() else { return };
+        if snapshot.search_is_over() && self.revive_search(t_s) {
+            snapshot = self.snapshot().expect("it was there a moment ago");
+        }
         self.interest = self.interest();
         self.next_decision_s = t_s + self.config.decision_period_s;
         let revision = snapshot.graph.revision();
@@ -282,6 +313,20 @@ impl Mission {
             None => return,
         };
         self.pending = Some(Pending { asked_s: t_s, revision, pose, answer });
+    }
+
+    /// Before the robot guesses or gives up: what failed is tried again, and patches that it can only look into count too.
+    /// False when that was done often enough.
+    fn revive_search(&mut self, t_s: f64) -> bool {
+        const REPRIEVES: u32 = 3;
+        if self.memory.reprieves >= REPRIEVES {
+            return false;
+        }
+        self.memory.reprieves += 1;
+        self.memory.rejected.retain(|failure| !matches!(failure.critique.action, Some(Action::Explore(_))));
+        self.world.offer_again(t_s, &mut self.journal.clock);
+        self.journal.notes.push((t_s, "nothing left to search; what failed before is tried again".into()));
+        true
     }
 
     /// Takes an answer that has come in, verifies it at the present revision, and acts on it.
@@ -335,6 +380,10 @@ impl Mission {
             Err(critique) => {
                 entry.verdicts.push(format!("rejected at revision {}: {}", now.graph.revision(), critique.message));
                 self.journal.decisions.push(entry);
+                // The map changed while the reasoner thought: ask again at once.
+                if critique.code == CritiqueCode::StaleName {
+                    self.next_decision_s = t_s;
+                }
             }
         }
     }
@@ -343,19 +392,7 @@ impl Mission {
     fn act(&mut self, action: Action, t_s: f64) {
         match &action {
             Action::Stop(target) => self.step_is_done(*target, t_s),
-            Action::GiveUp { reason } => {
-                // What could not be reached earlier gets another chance before the search is over.
-                const REPRIEVES: u32 = 2;
-                if self.memory.reprieves < REPRIEVES {
-                    self.world.coverage.reconsider();
-                    self.memory.reprieves += 1;
-                    self.memory.rejected.clear();
-                    self.next_decision_s = t_s + 2.0 * self.config.refresh_period_s;
-                    self.journal.notes.push((t_s, "nothing left to search; what failed before is tried again".into()));
-                } else {
-                    self.finish(Outcome::GaveUp { reason: reason.clone() });
-                }
-            }
+            Action::GiveUp { reason } => self.finish(Outcome::GaveUp { reason: reason.clone() }),
             _ => {
                 let is_same = self.target == Target::Action(action.clone());
                 if is_same && *self.body.status() == GoalStatus::Underway {
@@ -395,6 +432,7 @@ impl Mission {
                     self.config.stop_distance_m - 0.15,
                     FALLBACK_M,
                     &|eye, thing| self.world.is_clear(eye, thing),
+                    &|point| self.world.navigation.lacking_m(point),
                 );
                 if let Some(stand) = stand {
                     return Some(Goal::Reach {
@@ -487,6 +525,7 @@ impl Mission {
             // One height for every robot, or two robots at one pose would split the same room differently.
             camera_height_m: self.config.prompt.camera_height_m,
             reach,
+            beside_m: if self.memory.reprieves == 0 { BESIDE_M } else { IN_VIEW_M },
             stoppable,
             frontiers,
             visited: self.memory.visited.clone(),

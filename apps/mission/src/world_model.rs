@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use dsg::{ObjectEvidence, SceneGraph};
-use nalgebra::{Isometry3, Point2, Point3};
+use nalgebra::{Isometry3, Point2, Point3, Translation3};
 use omni_perception::{
     DeskewConfig, EncoderTrack, Equirectangular, MaskedPanorama, ObservationConfig, OdometryEstimate, RawScan,
     ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, observe_objects,
@@ -13,6 +13,7 @@ use omni_perception::{
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
+use crate::alignment::turn_to_walls;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -20,7 +21,7 @@ use crate::graph_builder::GraphBuilder;
 use crate::journal::StageClock;
 use crate::navigation::NavigationMap;
 use crate::rooms::RoomMap;
-use crate::stream::SensorEvent;
+use crate::stream::{Command, SensorEvent};
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
@@ -48,7 +49,15 @@ pub struct Ignored {
     pub updates: u64,
 }
 
-/// Everything known, in the frame of the odometry.
+/// The map's frame: that of the odometry, turned once to the walls.
+enum MapFrame {
+    /// What the sensors said until the turn is known.
+    Waiting(Vec<SensorEvent>),
+    /// `map_from_odometry`.
+    Set(Isometry3<f64>),
+}
+
+/// Everything known, in the frame of the map: level, turned to the walls, zero where the odometry has it.
 pub struct WorldModel {
     config: MissionConfig,
     mount: RotatingMount,
@@ -63,6 +72,7 @@ pub struct WorldModel {
     obstacles: VecDeque<(Stamp, Vec<Point2<f32>>)>,
     label_ids: BTreeMap<String, u16>,
     builder: GraphBuilder,
+    frame: MapFrame,
     /// Newest odometry.
     pub odometry: Option<OdometryEstimate>,
     /// Surface and free space.
@@ -118,6 +128,7 @@ impl WorldModel {
             obstacles: VecDeque::new(),
             label_ids: BTreeMap::new(),
             builder: GraphBuilder::default(),
+            frame: MapFrame::Waiting(Vec::new()),
             odometry: None,
             volume: Volume::new(config.volume.clone())?,
             field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
@@ -146,6 +157,7 @@ impl WorldModel {
 
     /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
     pub fn know(&mut self, known: crate::archive::Known) {
+        self.frame = MapFrame::Set(Isometry3::identity());
         self.graph = known.graph;
         self.volume = known.volume;
         self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
@@ -154,8 +166,80 @@ impl WorldModel {
         self.builder.forget_frontiers(&mut self.graph);
     }
 
-    /// Takes one thing that the sensors said.
+    /// Where the odometry's frame lies in the map; identity until the map has been turned to the walls.
+    pub fn map_from_odometry(&self) -> Isometry3<f64> {
+        match &self.frame {
+            MapFrame::Waiting(_) => Isometry3::identity(),
+            MapFrame::Set(map_from_odometry) => *map_from_odometry,
+        }
+    }
+
+    /// A command of the map's frame in that of the odometry, which is what bodies know.
+    pub fn command_for_body(&self, command: Command) -> Command {
+        let Command::Flight(mut point) = command else { return command };
+        let odometry_from_map = self.map_from_odometry().inverse();
+        point.position_in_world = odometry_from_map * point.position_in_world;
+        for vector in
+            [&mut point.velocity_in_world_mps, &mut point.acceleration_in_world_mps2, &mut point.jerk_in_world_mps3]
+        {
+            *vector = odometry_from_map * *vector;
+        }
+        point.yaw_rad += odometry_from_map.rotation.euler_angles().2;
+        Command::Flight(point)
+    }
+
+    /// Takes one thing that the sensors said. The first second is kept until it has shown how the walls run.
     pub fn see(&mut self, event: SensorEvent, clock: &mut StageClock) {
+        const LOOK_NS: i64 = 1_100_000_000;
+        match &mut self.frame {
+            MapFrame::Set(_) => self.take(event, clock),
+            MapFrame::Waiting(events) => {
+                events.push(event);
+                let first = events.first().map_or(Stamp(0), SensorEvent::stamp);
+                if events.last().is_some_and(|last| last.stamp().0 - first.0 >= LOOK_NS) {
+                    let events = std::mem::take(events);
+                    let turn = clock.time("alignment", || self.turn_to_walls(&events));
+                    self.frame = MapFrame::Set(turn);
+                    for event in events {
+                        self.take(event, clock);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The turn about the robot that lays the walls of the first scans along the map's axes.
+    fn turn_to_walls(&self, events: &[SensorEvent]) -> Isometry3<f64> {
+        let (mut encoder, mut trajectory) = (EncoderTrack::rotating(0.0), Trajectory::default());
+        let mut start = None;
+        for event in events {
+            // What is out of order is counted when the events are taken.
+            match event {
+                SensorEvent::Encoder(sample) => {
+                    let _ = encoder.push(*sample);
+                }
+                SensorEvent::Odometry(estimate) => {
+                    start.get_or_insert(estimate.world_from_body.translation.vector);
+                    let _ = trajectory.push(estimate);
+                }
+                _ => {}
+            }
+        }
+        let mut points = Vec::new();
+        for event in events {
+            if let SensorEvent::Scan(scan) = event
+                && let Ok(straight) =
+                    deskew(scan, &encoder, &self.mount, &trajectory, ReferenceTime::End, &DeskewConfig::default())
+            {
+                points.extend(straight.points_in_world());
+            }
+        }
+        let Some(turn) = turn_to_walls(&points, self.floor_m) else { return Isometry3::identity() };
+        let pivot = Translation3::from(start.unwrap_or_default());
+        pivot * turn * pivot.inverse()
+    }
+
+    fn take(&mut self, event: SensorEvent, clock: &mut StageClock) {
         match event {
             SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
             SensorEvent::Encoder(sample) => {
@@ -163,7 +247,13 @@ impl WorldModel {
                     self.ignored.samples += 1;
                 }
             }
-            SensorEvent::Odometry(estimate) => {
+            SensorEvent::Odometry(mut estimate) => {
+                let map_from_odometry = self.map_from_odometry();
+                estimate.world_from_body = map_from_odometry * estimate.world_from_body;
+                estimate.velocity_in_world_mps = map_from_odometry * estimate.velocity_in_world_mps;
+                let turn = map_from_odometry.rotation.to_rotation_matrix();
+                let position = estimate.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+                estimate.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&(turn * position * turn.inverse()));
                 if self.trajectory.push(&estimate).is_ok() {
                     self.odometry = Some(estimate);
                 } else {
@@ -335,6 +425,13 @@ impl WorldModel {
                 self.floor_m,
             );
         });
+    }
+
+    /// Offers the frontiers again that were left alone for a while.
+    pub fn offer_again(&mut self, now_s: f64, clock: &mut StageClock) {
+        self.coverage.reconsider();
+        clock.time("coverage", || self.coverage.update(&self.slice, now_s));
+        self.builder.put_frontiers(&mut self.graph, self.coverage.frontiers(), self.floor_m);
     }
 
     /// Height of the camera over the floor while the robot moves.

@@ -2,12 +2,10 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
 use arena::bench_nav::{BenchNav, bench_nav};
-use arena::cli::load_robot;
+use arena::cli::{load_robot, stop_at_ctrl_c};
 use arena::mission::robot_model::RobotKind;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
@@ -30,6 +28,9 @@ pub struct NavOptions {
     /// Number of buildings, one instruction each
     #[arg(long, default_value_t = 20)]
     scenes: usize,
+    /// Run only these of the scenes, to look at some again
+    #[arg(long, value_delimiter = ',', value_name = "INDEX")]
+    only: Vec<usize>,
     /// Seed from which buildings, instructions and starts are drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -73,20 +74,25 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let robot = load_robot(options.urdf.as_deref(), kind)?;
     let mut config = RunConfig { max_time_s: options.max_time, ..RunConfig::default() };
     config.simulation.segmenter.noise_scale = options.noise;
-    let stop = Arc::new(AtomicBool::new(false));
+    let stop = stop_at_ctrl_c()?;
+    let all: Vec<usize> = (0..options.scenes).collect();
+    let indices = if options.only.is_empty() { &all } else { &options.only };
+    if let Some(index) = indices.iter().find(|index| **index >= options.scenes) {
+        anyhow::bail!("--only {index}: there are {} scenes, numbered from 0", options.scenes);
+    }
     let result =
-        bench_nav(&robot, kind, options.scenes, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
+        bench_nav(&robot, kind, indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
     if options.json {
         println!("{}", serde_json::to_string(&result)?);
     } else {
-        print_table(&result);
+        print_table(indices, &result);
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_table(result: &BenchNav) {
+fn print_table(indices: &[usize], result: &BenchNav) {
     println!("run  ok   path m  short m   spl  sim s  wall s  dec  tokens  hits  scene       instruction / reason");
-    for (index, run) in result.runs.iter().enumerate() {
+    for (index, run) in indices.iter().zip(&result.runs) {
         println!(
             "{index:3}  {:3} {:7.1} {:8} {:5.2} {:6.0} {:7.0} {:4} {:7} {:5}  {:10}  \"{}\"{}",
             if run.success { "yes" } else { "NO" },

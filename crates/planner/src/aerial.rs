@@ -8,9 +8,10 @@ use crate::air::config::{AirConfig, AirConfigError};
 use crate::air::corridor::polytope_around;
 use crate::air::obstacles::Surroundings;
 use crate::air::polytope::Polytope;
-use crate::air::refine::refine;
+use crate::air::refine::{Refined, refine};
 use crate::air::route::{bounds_of, goal_height, lattice_route, shortcut};
 use crate::air::search::SearchGrid;
+use crate::air::stop::stop_piece;
 use crate::air::trajectory::PolynomialTrajectory;
 
 /// A flight that was proved to stay in its corridor within its limits.
@@ -70,8 +71,8 @@ pub enum AirPlanError {
         /// How many.
         expansions: usize,
     },
-    /// The start moves so that no certified flight was found: stop first.
-    #[error("no certified trajectory from this moving start: stop first")]
+    /// The start moves so that no certified flight was found, not even one that brakes first.
+    #[error("no certified trajectory from this moving start: too near to something, or too fast")]
     NotCertified,
 }
 
@@ -93,51 +94,92 @@ pub fn plan_air(
     config: &AirConfig,
 ) -> Result<AirPlan, AirPlanError> {
     check(start, goal, config)?;
+    let way = way_through(start, None, goal, distance, obstacles_in_box, config)?;
+    let head = [start.p.coords, start.v, start.a];
+    if let Some(refined) = refine(&head, &way.route, &way.corridor, way.kept_m, config) {
+        return Ok(way.plan(refined, goal));
+    }
+    // Moving too fast for that bend: once more with room to brake, from the point where it would come to rest.
+    let brake = stop_piece(&head, config.max_accel_mps2);
+    let rest = Point3::from(brake.sample(brake.duration_s).p.coords);
+    let way = way_through(start, Some(rest), goal, distance, obstacles_in_box, config)?;
+    let refined = refine(&head, &way.route, &way.corridor, way.kept_m, config).ok_or(AirPlanError::NotCertified)?;
+    Ok(way.plan(refined, goal))
+}
+
+/// A route and its corridor, still without times.
+struct Way {
+    route: Vec<Vector3<f64>>,
+    corridor: Vec<Polytope>,
+    kept_m: f64,
+    end: Point3<f64>,
+    expansions: usize,
+}
+
+impl Way {
+    fn plan(self, refined: Refined, goal: &Point3<f64>) -> AirPlan {
+        AirPlan {
+            trajectory: refined.trajectory,
+            corridor: self.corridor,
+            polytope_of: refined.polytope_of,
+            certificate: refined.certificate,
+            route: self.route.into_iter().map(Point3::from).collect(),
+            goal_pull_m: (self.end - goal).norm(),
+            expansions: self.expansions,
+        }
+    }
+}
+
+/// Steps 1 to 3. With `brake_to`, the first leg leads straight there.
+fn way_through(
+    start: &FlightState,
+    brake_to: Option<Point3<f64>>,
+    goal: &Point3<f64>,
+    distance: &dyn Fn(&Point3<f64>) -> Option<f64>,
+    obstacles_in_box: ObstaclesInBox,
+    config: &AirConfig,
+) -> Result<Way, AirPlanError> {
     let mut grid = SearchGrid::new(&start.p, goal, distance, config);
     if !grid.is_usable() {
         return Err(AirPlanError::TooFar);
     }
+    let from = brake_to.unwrap_or(start.p);
     let mut expansions = 0;
     for _ in 0..=RETRIES {
         // 1. A* between free lattice points near start and goal.
-        let (mut points_of_route, end) = match lattice_route(start, goal, &grid, config, &mut expansions) {
+        let (mut points_of_route, end) = match lattice_route(&from, goal, &grid, config, &mut expansions) {
             Err(AirPlanError::NoRoute | AirPlanError::GoalBlocked | AirPlanError::StartBlocked) if grid.relax() => {
-                lattice_route(start, goal, &grid, config, &mut expansions)?
+                lattice_route(&from, goal, &grid, config, &mut expansions)?
             }
             other => other?,
         };
         // 2. The exact points, and the route with its bends cut where that is not dearer.
-        let (low, high) = bounds_of(&points_of_route, &grid, config);
+        let (low, high) = bounds_of(&points_of_route, &start.p, &grid, config);
         let beyond = Vector3::repeat(config.clearance_m() + config.obstacle_radius_m);
         let points = obstacles_in_box(&(low - beyond), &(high + beyond));
         let surroundings = Surroundings::new(&points, &start.p, &low, &high, &grid, config);
+        if brake_to.is_some_and(|rest| !surroundings.is_clear(&start.p.coords, &rest.coords)) {
+            return Err(AirPlanError::NotCertified);
+        }
         let inner = 1..points_of_route.len() - 1;
         points_of_route[inner].iter_mut().for_each(|p| *p = surroundings.centred(p));
-        let route = match shortcut(&points_of_route, &surroundings, &grid, goal_height(goal, config), config) {
+        let mut route = match shortcut(&points_of_route, &surroundings, &grid, goal_height(goal, config), config) {
             Ok(route) => route,
             Err(place) => {
                 grid.forbid(&place);
                 continue;
             }
         };
+        if brake_to.is_some() {
+            route.insert(0, start.p.coords);
+        }
         // 3. One polytope per leg.
         let corridor: Vec<Polytope> = route
             .windows(2)
             .map(|leg| polytope_around(&leg[0], &leg[1], config.corridor_reach_m, &low, &high, &surroundings))
             .collect();
         let kept_m = kept_clearance(start, &points, config);
-        // 4. and 5. MINCO, checked and slowed until the certificate holds.
-        let head = [start.p.coords, start.v, start.a];
-        let refined = refine(&head, &route, &corridor, kept_m, config).ok_or(AirPlanError::NotCertified)?;
-        return Ok(AirPlan {
-            trajectory: refined.trajectory,
-            corridor,
-            polytope_of: refined.polytope_of,
-            certificate: refined.certificate,
-            route: route.into_iter().map(Point3::from).collect(),
-            goal_pull_m: (end - goal).norm(),
-            expansions,
-        });
+        return Ok(Way { route, corridor, kept_m, end, expansions });
     }
     Err(AirPlanError::NoRoute)
 }

@@ -120,6 +120,25 @@ fn a_door_of_a_metre_is_passed_at_any_offset() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
 
+    /// With room to brake, no start within the limits is refused, wherever the goal lies: in the limit it stops and turns.
+    #[test]
+    fn a_moving_start_with_room_to_brake_is_never_refused(
+        v in proptest::array::uniform3(-1.0..1.0f64), a in proptest::array::uniform3(-1.0..1.0f64), goal in proptest::array::uniform3(0.6..2.4f64),
+    ) {
+        let mut voxels = Voxels::new([8.0, 8.0, 3.0], &[]);
+        voxels.measure();
+        let config = AirConfig { radius_m: 0.25, ..AirConfig::default() };
+        let (v, a) = (Vector3::from(v), Vector3::from(a));
+        let start = FlightState {
+            p: Point3::new(4.0, 4.0, 1.5),
+            v: 1.4 * v.component_mul(&Vector3::new(1.0, 1.0, 0.2)) / v.norm().max(1.0),
+            a: 1.5 * a.component_mul(&Vector3::new(1.0, 1.0, 0.2)) / a.norm().max(1.0),
+        };
+        let goal = Point3::new(goal[0] * 3.0, goal[1] * 3.0, goal[2]);
+        let plan = plan(&voxels, &start, &goal, &config).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        check_plan(&voxels, &plan, &config, &start);
+    }
+
     /// Random boxes, starts in motion, unknown regions: an answer is certified or an error.
     #[test]
     fn plans_are_certified_or_refused(

@@ -2,7 +2,6 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::FlightState;
 use super::config::AirConfig;
 use super::obstacles::Surroundings;
 use super::search::{SearchGrid, SearchOutcome};
@@ -13,13 +12,13 @@ const START_PULL_M: f64 = 0.6;
 
 /// A lattice route with the exact start in front and, if it is free, the exact goal at the end.
 pub(crate) fn lattice_route(
-    start: &FlightState,
+    start: &Point3<f64>,
     goal: &Point3<f64>,
     grid: &SearchGrid,
     config: &AirConfig,
     expansions: &mut usize,
 ) -> Result<(Vec<Vector3<f64>>, Point3<f64>), AirPlanError> {
-    let from = grid.nearest_free(&start.p, START_PULL_M).ok_or(AirPlanError::StartBlocked)?;
+    let from = grid.nearest_free(start, START_PULL_M).ok_or(AirPlanError::StartBlocked)?;
     let own = grid.node(goal).filter(|&node| grid.is_free(node));
     let to = match own {
         Some(node) => node,
@@ -30,7 +29,7 @@ pub(crate) fn lattice_route(
         SearchOutcome::ExpansionLimit => Err(AirPlanError::SearchLimit { expansions: *expansions }),
         SearchOutcome::Found(points) => {
             let end = if own.is_some() { *goal } else { grid.position(to) };
-            let mut route = vec![start.p.coords];
+            let mut route = vec![start.coords];
             route.extend(points.iter().map(|p| p.coords));
             if own.is_some() {
                 route.push(end.coords);
@@ -40,11 +39,16 @@ pub(crate) fn lattice_route(
     }
 }
 
-/// The box of the route grown by what its corridor can reach, inside what was searched.
-pub(crate) fn bounds_of(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> (Point3<f64>, Point3<f64>) {
+/// The box of the start and the route grown by what its corridor can reach, inside what was searched.
+pub(crate) fn bounds_of(
+    route: &[Vector3<f64>],
+    start: &Point3<f64>,
+    grid: &SearchGrid,
+    config: &AirConfig,
+) -> (Point3<f64>, Point3<f64>) {
     let reach = Vector3::repeat(config.corridor_reach_m);
-    let low = route.iter().fold(route[0], |m, p| m.inf(p)) - reach;
-    let high = route.iter().fold(route[0], |m, p| m.sup(p)) + reach;
+    let low = route.iter().fold(start.coords, |m, p| m.inf(p)) - reach;
+    let high = route.iter().fold(start.coords, |m, p| m.sup(p)) + reach;
     let (grid_low, grid_high) = grid.bounds();
     (Point3::from(low.sup(&grid_low.coords)), Point3::from(high.inf(&grid_high.coords)))
 }
