@@ -17,8 +17,10 @@ pub struct CoverageConfig {
     pub inspect_range_m: f64,
     /// Edge of a coverage cell, default 0.2 m.
     pub cell_m: f64,
-    /// Patches smaller than this are not worth a trip, default 0.5 m².
+    /// Patches smaller than this are not worth a trip, default 0.5 m²; ...
     pub min_area_m2: f64,
+    /// ... unless so much of their rim borders unmeasured space, default 1.0 m: a door half seen.
+    pub min_border_m: f64,
     /// A frontier keeps its identity while its middle moves less than this between updates, default 1.5 m.
     pub identity_m: f64,
     /// Edge of the lattice by which large regions are cut into patches, so that each is one trip, default 3 m.
@@ -27,7 +29,7 @@ pub struct CoverageConfig {
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { inspect_range_m: 3.5, cell_m: 0.2, min_area_m2: 0.5, identity_m: 1.5, patch_m: 3.0 }
+        Self { inspect_range_m: 3.5, cell_m: 0.2, min_area_m2: 0.5, min_border_m: 1.0, identity_m: 1.5, patch_m: 3.0 }
     }
 }
 
@@ -51,8 +53,10 @@ pub struct Coverage {
     /// Cells that could not be reached, and until when they are left alone.
     postponed: FxHashMap<(i32, i32), f64>,
     now_s: f64,
-    /// Cells worth a look at the last update.
-    interesting: FxHashSet<(i32, i32)>,
+    /// Cells worth a look at the last update, and whether they border unmeasured space.
+    interesting: BTreeMap<(i32, i32), bool>,
+    /// Part of the sizes in the configuration that makes a patch worth a trip; falls when nothing else is left.
+    strictness: f64,
     frontiers: Vec<Frontier>,
     next_id: u64,
 }
@@ -66,7 +70,8 @@ impl Coverage {
             given_up: FxHashSet::default(),
             postponed: FxHashMap::default(),
             now_s: 0.0,
-            interesting: FxHashSet::default(),
+            interesting: BTreeMap::new(),
+            strictness: 1.0,
             frontiers: Vec::new(),
             next_id: 0,
         }
@@ -134,11 +139,10 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
-    /// Offers again, at the next update, what was left alone; true if there was any.
-    pub fn reconsider(&mut self) -> bool {
-        let any = self.postponed.values().any(|until_s| self.now_s < *until_s);
+    /// Offers at the next update what was left alone, and patches half as large as before.
+    pub fn reconsider(&mut self) {
         self.postponed.clear();
-        any
+        self.strictness *= 0.5;
     }
 
     /// The cells of the patches round `at`, and no others: what lies behind the next wall is not given up with them.
@@ -149,7 +153,7 @@ impl Coverage {
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 let cell = (cx + dx, cy + dy);
-                if dx * dx + dy * dy <= reach * reach && self.interesting.contains(&cell) {
+                if dx * dx + dy * dy <= reach * reach && self.interesting.contains_key(&cell) {
                     cells.push(cell);
                 }
             }
@@ -185,14 +189,16 @@ impl Coverage {
     /// Patches of interesting cells, largest first: (a cell near the middle, number of cells). A connected region is cut by
     /// the lines of a fixed lattice, so that a patch keeps its place when the region grows or shrinks elsewhere.
     fn patches(&mut self, slice: &OccupancyGrid) -> Vec<(Point2<f64>, u32)> {
-        let interesting = self.interesting_cells(slice);
-        self.interesting = interesting.iter().copied().collect();
-        let members = &self.interesting;
+        self.interesting = self.interesting_cells(slice);
         let mut seen: FxHashSet<(i32, i32)> = FxHashSet::default();
         let tile_cells = (self.config.patch_m / self.config.cell_m).ceil().max(1.0) as i32;
-        let min_cells = (self.config.min_area_m2 / (self.config.cell_m * self.config.cell_m)).ceil() as usize;
+        let worth_of = |cells: &[(i32, i32)]| -> f64 {
+            let borders = cells.iter().filter(|cell| self.interesting[cell]).count() as f64;
+            let area = (cells.len() as f64) * self.config.cell_m * self.config.cell_m / self.config.min_area_m2;
+            area.max(borders * self.config.cell_m / self.config.min_border_m)
+        };
         let mut patches = Vec::new();
-        for &seed in &interesting {
+        for &seed in self.interesting.keys() {
             if !seen.insert(seed) {
                 continue;
             }
@@ -201,13 +207,16 @@ impl Coverage {
             while next < region.len() {
                 let (x, y) = region[next];
                 next += 1;
-                for neighbour in [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)] {
-                    if members.contains(&neighbour) && seen.insert(neighbour) {
-                        region.push(neighbour);
+                for dy in -1..=1 {
+                    for dx in -1..=1 {
+                        let neighbour = (x + dx, y + dy);
+                        if self.interesting.contains_key(&neighbour) && seen.insert(neighbour) {
+                            region.push(neighbour);
+                        }
                     }
                 }
             }
-            if region.len() < min_cells {
+            if worth_of(&region) < self.strictness {
                 continue;
             }
             let mut tiles: BTreeMap<(i32, i32), Vec<(i32, i32)>> = BTreeMap::new();
@@ -215,19 +224,18 @@ impl Coverage {
                 tiles.entry((x.div_euclid(tile_cells), y.div_euclid(tile_cells))).or_default().push((x, y));
             }
             // The corners of a region are seen on the trip to its larger parts.
-            let largest = tiles.values().map(Vec::len).max().unwrap_or(0);
-            let worth_it = tiles.into_values().filter(|patch| patch.len() >= min_cells.min(largest));
+            let largest = tiles.values().map(|patch| worth_of(patch)).fold(0.0, f64::max);
+            let worth_it = tiles.into_values().filter(|patch| worth_of(patch) >= self.strictness.min(largest));
             patches.extend(worth_it.map(|patch| (self.center_of(middle_of(&patch)), patch.len() as u32)));
         }
         patches.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.x.total_cmp(&b.0.x)).then(a.0.y.total_cmp(&b.0.y)));
         patches
     }
 
-    /// Coverage cells whose middle is free, and that are not inspected or border unmeasured space.
-    fn interesting_cells(&self, slice: &OccupancyGrid) -> Vec<(i32, i32)> {
+    /// Coverage cells with something free in them that are not inspected or border unmeasured space, and whether they do.
+    fn interesting_cells(&self, slice: &OccupancyGrid) -> BTreeMap<(i32, i32), bool> {
         let ratio = (self.config.cell_m / slice.resolution_m).round().max(1.0) as usize;
-        let mut cells = Vec::new();
-        let mut last = None;
+        let mut cells = BTreeMap::new();
         for iy in (0..slice.height).step_by(ratio.div_ceil(2)) {
             for ix in (0..slice.width).step_by(ratio.div_ceil(2)) {
                 if slice.get(ix, iy) != Cell::Free {
@@ -235,17 +243,15 @@ impl Coverage {
                 }
                 let cell = self.cell_of(&slice.center(ix, iy));
                 let is_postponed = || self.postponed.get(&cell).is_some_and(|until_s| self.now_s < *until_s);
-                if last == Some(cell) || self.given_up.contains(&cell) || is_postponed() {
+                if cells.get(&cell) == Some(&true) || self.given_up.contains(&cell) || is_postponed() {
                     continue;
                 }
-                if !self.inspected.contains(&cell) || self.borders_unknown(slice, ix, iy, ratio) {
-                    cells.push(cell);
-                    last = Some(cell);
+                let is_border = self.borders_unknown(slice, ix, iy, ratio);
+                if is_border || !self.inspected.contains(&cell) {
+                    cells.insert(cell, is_border);
                 }
             }
         }
-        cells.sort_unstable();
-        cells.dedup();
         cells
     }
 

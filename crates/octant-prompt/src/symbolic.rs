@@ -86,8 +86,8 @@ fn approach(situation: &Situation, choice: &Choice) -> Action {
 pub(crate) fn is_seen_well(situation: &Situation, id: dsg::ObjectId) -> bool {
     /// Vote margin below which a label may still turn.
     const CLEAR_MARGIN: f64 = 0.25;
-    /// Images for as long as one error of a segmenter may stay.
-    const OFTEN: u32 = 8;
+    /// Images from several times as long as one error of a segmenter stays.
+    const OFTEN: u32 = 24;
     let Some(object) = situation.graph.object(id) else { return false };
     situation.inspected.contains(&id)
         || (object.confirmed && object.label_margin >= CLEAR_MARGIN && object.observations >= OFTEN)
