@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
+use mission::journal::CpuScope;
 use mission::robot_model::{RobotKind, RobotModel};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::cli::word;
@@ -78,11 +78,17 @@ pub fn bench_nav(
         ProgressStyle::with_template("{elapsed_precise} [{bar:30}] {pos}/{len} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
-    let successes = std::sync::atomic::AtomicUsize::new(0);
-    let outcomes: Vec<(Summary, Option<Facts>)> = indices
-        .par_iter()
-        .map(|&index| {
-            let outcome = one_run(robot, kind, seed, index, config, keep, stop);
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get).min(indices.len().max(1));
+    let config = &RunConfig { cpu_scope: CpuScope::Thread, ..config.clone() };
+    let (next, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    // One run a core, each on that core alone, so that its CPU seconds are its own.
+    let work = || -> Result<Vec<(usize, Outcome)>> {
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        let mut outcomes = Vec::new();
+        loop {
+            let position = next.fetch_add(1, Ordering::Relaxed);
+            let Some(&index) = indices.get(position) else { return Ok(outcomes) };
+            let outcome = alone.install(|| one_run(robot, kind, seed, index, config, keep, stop));
             let done = successes.fetch_add(usize::from(outcome.0.success), Ordering::Relaxed);
             bar.inc(1);
             bar.set_message(format!("{} right", done + usize::from(outcome.0.success)));
@@ -92,9 +98,19 @@ pub fn bench_nav(
                     outcome.0.scene, outcome.0.instruction, outcome.0.reason
                 ));
             }
-            outcome
-        })
-        .collect();
+            outcomes.push((position, outcome));
+        }
+    };
+    let mut outcomes = std::thread::scope(|scope| -> Result<Vec<_>> {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        let mut all = Vec::new();
+        for worker in workers {
+            all.extend(worker.join().map_err(|_| anyhow::anyhow!("a run of the bench panicked"))??);
+        }
+        Ok(all)
+    })?;
+    outcomes.sort_by_key(|(position, _)| *position);
+    let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();
     bar.finish_and_clear();
 
     let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();
@@ -116,6 +132,9 @@ pub fn bench_nav(
     })
 }
 
+/// A run, and how hard it was if it could be drawn.
+type Outcome = (Summary, Option<Facts>);
+
 struct Facts {
     rooms: usize,
     kind: String,
@@ -132,7 +151,7 @@ fn one_run(
     config: &RunConfig,
     keep: Option<&Path>,
     stop: &Arc<AtomicBool>,
-) -> (Summary, Option<Facts>) {
+) -> Outcome {
     let failed = |reason: String| Summary {
         reason,
         robot: word(kind).to_owned(),

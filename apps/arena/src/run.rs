@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use mission::archive::Known;
 use mission::config::MissionConfig;
-use mission::journal::Journal;
+use mission::journal::{CpuScope, Journal, StageClock};
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
@@ -38,6 +38,8 @@ pub struct RunConfig {
     pub max_time_s: f64,
     /// A language model instead of the embedded reasoner.
     pub llm: Option<ChatConfig>,
+    /// Whose CPU time the summary gives.
+    pub cpu_scope: CpuScope,
 }
 
 impl RunConfig {
@@ -64,6 +66,7 @@ impl Default for RunConfig {
             simulation: SimulationConfig { drift: DriftConfig::default(), ..SimulationConfig::default() },
             max_time_s: 600.0,
             llm: None,
+            cpu_scope: CpuScope::Process,
         }
     }
 }
@@ -135,7 +138,7 @@ pub fn run(
     stop: &Arc<AtomicBool>,
     report: &mut dyn FnMut(&Progress),
 ) -> Result<RunResult> {
-    let wall = Instant::now();
+    let (wall, cpu) = (Instant::now(), config.cpu_scope.now());
     let upright;
     let robot = if config.simulation.is_lidar_fixed {
         upright = with_fixed_lidar(robot);
@@ -169,6 +172,7 @@ pub fn run(
         mission.know(known);
     }
     simulation.set_phrases(mission.phrases());
+    mission.journal.clock = StageClock::new(config.cpu_scope);
 
     // The loop: the world goes on for a step, the robot sees and commands.
     let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
@@ -177,10 +181,7 @@ pub fn run(
     let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
     loop {
         let now_s = simulation.seconds();
-        let (events, took) = simulation.advance(&command, STEP_NS)?;
-        for (stage, elapsed) in took {
-            mission.journal.clock.book(stage, elapsed);
-        }
+        let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
         command = mission.cycle(simulation.now());
 
@@ -266,7 +267,7 @@ pub fn run(
         spl,
         sim_s: simulation.seconds(),
         wall_s: wall.elapsed().as_secs_f64(),
-        cpu_s: stages.values().map(|stage| stage.cpu_ms_total).sum::<f64>() / 1e3,
+        cpu_s: cpu.elapsed().as_secs_f64(),
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),

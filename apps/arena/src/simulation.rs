@@ -1,8 +1,7 @@
 //! The world's side of the stream: body and physics, sensors, odometry with drift. What leaves it is what a robot could know.
 
-use std::time::{Duration, Instant};
-
 use anyhow::{Context, Result};
+use mission::journal::StageClock;
 use mission::omni_perception::{
     EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
     Rle, Stamp, TrackingStatus,
@@ -50,9 +49,6 @@ pub struct Touch {
     /// Where.
     pub at_m: [f64; 3],
 }
-
-/// What each part of the simulation took.
-pub type StageTimes = Vec<(&'static str, Duration)>;
 
 /// Period of odometry, IMU and physics; the encoder has its own.
 const TICK_NS: i64 = 5_000_000;
@@ -153,36 +149,25 @@ impl<'a> Simulation<'a> {
         &self.touches
     }
 
-    /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery, and the time
-    /// that each part of the simulation took.
-    pub fn advance(&mut self, command: &Command, step_ns: i64) -> Result<(Vec<SensorEvent>, StageTimes)> {
+    /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery; what it
+    /// costs goes to `clock`.
+    pub fn advance(&mut self, command: &Command, step_ns: i64, clock: &mut StageClock) -> Result<Vec<SensorEvent>> {
         let mut events = Vec::new();
-        let (mut physics, mut lidar, mut panorama) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
         let end_ns = self.now_ns + step_ns;
         while self.now_ns < end_ns {
-            let start = Instant::now();
-            self.tick(command, &mut events)?;
-            physics += start.elapsed();
-
+            clock.time("sim physics", || self.tick(command, &mut events))?;
             let period_ns = self.config.lidar.period_ns();
             if self.now_ns >= self.next_scan_ns + period_ns {
-                let start = Instant::now();
-                events.push(SensorEvent::Scan(self.scan()?));
-                lidar += start.elapsed();
+                events.push(SensorEvent::Scan(clock.time("sim lidar", || self.scan())?));
                 self.next_scan_ns += period_ns;
             }
             if self.now_ns >= self.next_panorama_ns {
-                let start = Instant::now();
-                events.push(SensorEvent::Panorama(self.photograph()?));
-                panorama += start.elapsed();
+                events.push(SensorEvent::Panorama(clock.time("sim panorama", || self.photograph())?));
                 self.next_panorama_ns += self.config.panorama.period_ns();
             }
         }
         self.steps += 1;
-        let mut took = vec![("sim physics", physics)];
-        took.extend((!lidar.is_zero()).then_some(("sim lidar", lidar)));
-        took.extend((!panorama.is_zero()).then_some(("sim panorama", panorama)));
-        Ok((events, took))
+        Ok(events)
     }
 
     /// Body, contacts, IMU, encoder and odometry for one tick.

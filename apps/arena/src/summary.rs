@@ -36,7 +36,7 @@ pub struct Summary {
     pub sim_s: f64,
     /// Time on the wall.
     pub wall_s: f64,
-    /// CPU time of the process; for runs in parallel, time of the run's stages.
+    /// CPU time of the process during the run; in a bench, of the thread that the run has for itself.
     pub cpu_s: f64,
     /// Decisions taken.
     pub decisions: usize,

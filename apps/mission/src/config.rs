@@ -38,7 +38,8 @@ pub struct MissionConfig {
     pub close_look_s: f64,
     /// Labels wait so long for the scans around their image, default 0.4 s.
     pub label_delay_s: f64,
-    /// ... and take points of scans at most this far from the image time, default 0.5 s.
+    /// ... and take points of scans at most this far from the image time, default 1.0 s: with the delay two thirds of a turn of
+    /// the LiDAR's motor, for what lies low beside the robot is seen from one side of the turn only.
     pub label_window_s: f64,
     /// The robot stops at most this far from the box of its target (floor distance), default 0.85 m: the referee asks
     /// for 1.0 m, the rest is for odometry drift and the box.
@@ -69,7 +70,7 @@ impl Default for MissionConfig {
             decision_period_s: 1.0,
             close_look_s: 2.5,
             label_delay_s: 0.4,
-            label_window_s: 0.5,
+            label_window_s: 1.0,
             stop_distance_m: 0.85,
             max_retries: 3,
             flight_height_m: 1.2,

@@ -265,7 +265,9 @@ impl Fly {
 
     /// The set-point for the next period.
     pub fn command(&mut self, world_from_body: &Isometry3<f64>, distance_m: Option<f64>) -> Command {
-        self.clearance_m = distance_m.map_or(f64::INFINITY, |d| d - self.config.radius_m);
+        // On the floor the ball touches it, which means nothing.
+        let in_the_air = self.phase == Phase::Flying;
+        self.clearance_m = distance_m.filter(|_| in_the_air).map_or(f64::INFINITY, |d| d - self.config.radius_m);
         let actual = Point3::from(world_from_body.translation.vector);
         let mut velocity = Vector3::zeros();
         let mut acceleration = Vector3::zeros();

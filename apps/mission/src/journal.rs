@@ -1,8 +1,9 @@
 //! What happened, for people and for replay: every decision in full, curves over time, and where the time went.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use cpu_time::{ProcessTime, ThreadTime};
 use serde::Serialize;
 
 /// One decision from prompt to verdict. Serialised as one line of `decisions.jsonl`.
@@ -87,22 +88,67 @@ struct Stage {
 pub struct StageFigures {
     /// How often it ran.
     pub calls: u64,
-    /// Total time; measured on the wall, which equals CPU time for a stage that waits for nothing.
+    /// Total CPU time.
     pub cpu_ms_total: f64,
     /// 95th percentile of one call.
     pub cpu_ms_p95: f64,
 }
 
-/// Time per stage. Reads the clock and therefore never feeds back into anything the robot decides.
+/// Whose CPU time counts as that of a run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum CpuScope {
+    /// All threads: one run has the process for itself.
+    #[default]
+    Process,
+    /// This thread: several runs share the process, each in a thread of its own.
+    Thread,
+}
+
+/// A moment on the CPU clock of a [`CpuScope`].
+#[derive(Debug, Clone, Copy)]
+pub enum CpuMoment {
+    /// Of the process.
+    Process(ProcessTime),
+    /// Of the thread.
+    Thread(ThreadTime),
+}
+
+impl CpuScope {
+    /// The moment now.
+    pub fn now(self) -> CpuMoment {
+        match self {
+            CpuScope::Process => CpuMoment::Process(ProcessTime::now()),
+            CpuScope::Thread => CpuMoment::Thread(ThreadTime::now()),
+        }
+    }
+}
+
+impl CpuMoment {
+    /// CPU time used since; asked in the same thread.
+    pub fn elapsed(&self) -> Duration {
+        match self {
+            CpuMoment::Process(start) => start.elapsed(),
+            CpuMoment::Thread(start) => start.elapsed(),
+        }
+    }
+}
+
+/// CPU time per stage. Reads the clock and therefore never feeds back into anything the robot decides.
 #[derive(Debug, Clone, Default)]
 pub struct StageClock {
+    scope: CpuScope,
     stages: BTreeMap<&'static str, Stage>,
 }
 
 impl StageClock {
+    /// A clock that counts the time of `scope`.
+    pub fn new(scope: CpuScope) -> StageClock {
+        StageClock { scope, stages: BTreeMap::new() }
+    }
+
     /// Runs `work` and books its time on `stage`.
     pub fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
+        let start = self.scope.now();
         let result = work();
         self.book(stage, start.elapsed());
         result
