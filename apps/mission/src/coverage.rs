@@ -44,14 +44,21 @@ pub struct Frontier {
     pub cells: u32,
 }
 
+/// A cell that is left alone for a while.
+#[derive(Debug, Clone, Copy, Default)]
+struct Postponed {
+    until_s: f64,
+    times: u32,
+}
+
 /// The inspected part of the plane and the frontiers that remain.
 #[derive(Debug, Clone)]
 pub struct Coverage {
     config: CoverageConfig,
     inspected: FxHashSet<(i32, i32)>,
     given_up: FxHashSet<(i32, i32)>,
-    /// Cells that could not be reached, and until when they are left alone.
-    postponed: FxHashMap<(i32, i32), f64>,
+    /// Cells that could not be reached.
+    postponed: FxHashMap<(i32, i32), Postponed>,
     now_s: f64,
     /// Cells worth a look at the last update, and whether they border unmeasured space.
     interesting: BTreeMap<(i32, i32), bool>,
@@ -131,21 +138,28 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
-    /// Leaves the patch round `at` alone for a while: there was no way to it yet.
+    /// Leaves the patch round `at` alone for a while: there was no way to it yet. After the third time for good, or the
+    /// search would never end.
     pub fn postpone(&mut self, at: &Point2<f64>, until_s: f64) {
+        const TRIES: u32 = 3;
         for cell in self.patch_round(at) {
-            self.postponed.insert(cell, until_s);
+            let postponed = self.postponed.entry(cell).or_default();
+            *postponed = Postponed { until_s, times: postponed.times + 1 };
+            if postponed.times >= TRIES {
+                self.given_up.insert(cell);
+            }
         }
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
     /// Offers at the next update what was left alone, and patches half as large as before.
     pub fn reconsider(&mut self) {
-        self.postponed.clear();
+        self.postponed.values_mut().for_each(|postponed| postponed.until_s = f64::NEG_INFINITY);
         self.strictness *= 0.5;
     }
 
-    /// The cells of the patches round `at`, and no others: what lies behind the next wall is not given up with them.
+    /// The cells of the patches round `at` and those next to it, and no others: what lies behind the next wall is not given
+    /// up with them.
     fn patch_round(&self, at: &Point2<f64>) -> Vec<(i32, i32)> {
         let reach = (0.5 * self.config.patch_m / self.config.cell_m).ceil() as i32;
         let (cx, cy) = self.cell_of(at);
@@ -153,7 +167,11 @@ impl Coverage {
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 let cell = (cx + dx, cy + dy);
-                if dx * dx + dy * dy <= reach * reach && self.interesting.contains_key(&cell) {
+                // Cells at the rim of a map come and go: those next to the middle count in any case.
+                let (squared, next_to) = (dx * dx + dy * dy, reach / 3);
+                if squared <= next_to * next_to
+                    || (squared <= reach * reach && self.interesting.contains_key(&cell))
+                {
                     cells.push(cell);
                 }
             }
@@ -242,7 +260,7 @@ impl Coverage {
                     continue;
                 }
                 let cell = self.cell_of(&slice.center(ix, iy));
-                let is_postponed = || self.postponed.get(&cell).is_some_and(|until_s| self.now_s < *until_s);
+                let is_postponed = || self.postponed.get(&cell).is_some_and(|p| self.now_s < p.until_s);
                 if cells.get(&cell) == Some(&true) || self.given_up.contains(&cell) || is_postponed() {
                     continue;
                 }
