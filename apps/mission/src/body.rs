@@ -115,12 +115,12 @@ impl Body {
             Body::Ground(drive) => clock.time("route", || drive.replan(&world.navigation, &odometry.world_from_body)),
             Body::Air(fly) => clock.time("trajectory", || {
                 let here = Point2::from(odometry.world_from_body.translation.vector.xy());
-                let target = fly.reachable_target(&world.navigation, &here);
+                let route = fly.route(&world.navigation, &here);
                 let air = AirSpace {
                     distance: &|point: &Point3<f64>| world.field.distance(point),
                     obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
                 };
-                fly.replan(target, &air);
+                fly.replan(route.as_deref(), &air);
             }),
         }
     }

@@ -169,9 +169,7 @@ impl Coverage {
                 let cell = (cx + dx, cy + dy);
                 // Cells at the rim of a map come and go: those next to the middle count in any case.
                 let (squared, next_to) = (dx * dx + dy * dy, reach / 3);
-                if squared <= next_to * next_to
-                    || (squared <= reach * reach && self.interesting.contains_key(&cell))
-                {
+                if squared <= next_to * next_to || (squared <= reach * reach && self.interesting.contains_key(&cell)) {
                     cells.push(cell);
                 }
             }

@@ -5,7 +5,7 @@
 //! robot's ball along the rest of it, for the shortest brake there is.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::{AirConfig, AirPlanError, FlightState, PolynomialTrajectory, plan_air};
+use planner::{AirConfig, AirPlan, AirPlanError, FlightState, PolynomialTrajectory, plan_air};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus};
@@ -58,6 +58,8 @@ pub struct Fly {
     attempts: u32,
     /// A trajectory for the present goal has been found, or the robot was there already.
     has_planned: bool,
+    /// What is flown ends half way, to see more of the rest.
+    is_half_way: bool,
     /// Trajectory and the time on it.
     flying: Option<(PolynomialTrajectory, f64)>,
     /// The present trajectory is not wanted any more; it is left where a brake is free, at the latest at its end.
@@ -94,6 +96,7 @@ impl Fly {
             status: GoalStatus::Arrived,
             attempts: 0,
             has_planned: false,
+            is_half_way: false,
             flying: None,
             wants_stop: false,
             wants_landing: false,
@@ -137,6 +140,7 @@ impl Fly {
     pub fn set_goal(&mut self, goal: Goal) {
         self.attempts = 0;
         self.has_planned = false;
+        self.is_half_way = false;
         self.status = if goal == Goal::Stay { GoalStatus::Arrived } else { GoalStatus::Underway };
         self.wants_stop = goal == Goal::Stay;
         self.goal = goal;
@@ -157,18 +161,19 @@ impl Fly {
         self.clearance_m
     }
 
-    /// Where the goal can be reached in the plane of flight: itself, or a point within its tolerance.
-    pub fn reachable_target(&self, navigation: &NavigationMap, here: &Point2<f64>) -> Option<Point2<f64>> {
+    /// The way to the goal in the plane of flight, or to a point within its tolerance.
+    pub fn route(&self, navigation: &NavigationMap, here: &Point2<f64>) -> Option<Vec<Point2<f64>>> {
         let Goal::Reach { target, tolerance_m, .. } = self.goal else { return None };
-        if navigation.lengths_from(here, &[target])[0].is_some() {
-            return Some(target);
-        }
-        navigation.nearest_reachable(here, &target).filter(|(_, off_m)| *off_m <= tolerance_m).map(|(point, _)| point)
+        let route = navigation.route(here, &target).or_else(|| {
+            let (point, off_m) = navigation.nearest_reachable(here, &target)?;
+            (off_m <= tolerance_m).then(|| navigation.route(here, &point))?
+        });
+        route.map(|route| route.points)
     }
 
-    /// Plans anew on a fresh map: for a new goal, or because the old plan is no longer free. `target` is where the goal
-    /// can be reached (the caller knows the plane).
-    pub fn replan(&mut self, target: Option<Point2<f64>>, air: &AirSpace) {
+    /// Plans anew on a fresh map: for a new goal, or because the old plan is no longer free. `route` is the way in the
+    /// plane; where no flight to its end is found, half of it is flown, for more will be seen from there.
+    pub fn replan(&mut self, route: Option<&[Point2<f64>]>, air: &AirSpace) {
         if self.phase != Phase::Flying {
             return;
         }
@@ -179,34 +184,49 @@ impl Fly {
         if !matches!(self.goal, Goal::Reach { .. }) || self.status != GoalStatus::Underway {
             return;
         }
-        let Some(target) = target else {
+        let Some((route, end)) = route.and_then(|route| Some((route, *route.last()?))) else {
             self.fail_once("no way through what is known");
             return;
         };
-        let goal = Point3::new(target.x, target.y, self.flight_height_m);
+        let at_height = |point: Point2<f64>| Point3::new(point.x, point.y, self.flight_height_m);
+        let goal = at_height(end);
         let ends_there = self.flying.as_ref().is_some_and(|(plan, _)| {
             let end = plan.sample(plan.duration()).p;
             (end - goal).norm() < 0.15
         });
-        if is_free && ends_there {
-            self.has_planned = true;
+        if is_free && (ends_there || (self.is_half_way && self.flying.is_some())) {
+            self.has_planned |= ends_there;
             return;
         }
         let start = self.state();
+        let half = at_height(middle_of(route));
+        self.is_half_way = false;
         match plan_air(&start, &goal, air.distance, air.obstacles, &self.config) {
             Ok(plan) => {
                 self.attempts = 0;
                 self.has_planned = true;
-                self.wants_stop = false;
-                self.path = plan.route.iter().map(|point| point.xy()).collect();
-                self.flying = Some((plan.trajectory, 0.0));
+                self.follow(plan);
             }
             // Too fast for any way from here: come to rest, and plan from there.
             Err(AirPlanError::NotCertified | AirPlanError::StartTooFast { .. }) if start.v.norm() > RESTING_MPS => {
                 self.brake(false, air);
             }
-            Err(_) => self.fail_once("no certified trajectory through what is known"),
+            Err(error) => {
+                self.fail_once(sentence(&error));
+                if self.status == GoalStatus::Underway
+                    && let Ok(plan) = plan_air(&start, &half, air.distance, air.obstacles, &self.config)
+                {
+                    self.is_half_way = true;
+                    self.follow(plan);
+                }
+            }
         }
+    }
+
+    fn follow(&mut self, plan: AirPlan) {
+        self.wants_stop = false;
+        self.path = plan.route.iter().map(|point| point.xy()).collect();
+        self.flying = Some((plan.trajectory, 0.0));
     }
 
     fn fail_once(&mut self, why: &'static str) {
@@ -346,6 +366,32 @@ impl Fly {
             }
             _ => {}
         }
+    }
+}
+
+/// The point half way along a polyline.
+fn middle_of(route: &[Point2<f64>]) -> Point2<f64> {
+    let total: f64 = route.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+    let mut left = 0.5 * total;
+    for leg in route.windows(2) {
+        let length = (leg[1] - leg[0]).norm();
+        if length >= left && length > 0.0 {
+            return leg[0] + (leg[1] - leg[0]) * (left / length);
+        }
+        left -= length;
+    }
+    route[route.len() - 1]
+}
+
+/// Why there is no flight, for people.
+fn sentence(error: &AirPlanError) -> &'static str {
+    match error {
+        AirPlanError::StartBlocked => "it hovers in a place that the map does not call free",
+        AirPlanError::GoalBlocked => "there is no room for it at the goal",
+        AirPlanError::NoRoute => "no way is wide enough for it",
+        AirPlanError::SearchLimit { .. } | AirPlanError::TooFar => "the way is too long to be searched",
+        AirPlanError::NotCertified | AirPlanError::StartTooFast { .. } => "no certified trajectory from this motion",
+        AirPlanError::Config(_) | AirPlanError::NotFinite => "the planner was given numbers that make no sense",
     }
 }
 

@@ -143,7 +143,7 @@ pub fn room_kind<'a>(contents: impl IntoIterator<Item = &'a Object>, shape: Room
         let row = *rows.entry(&object.label).or_insert_with(|| row_of(&object.label));
         let Some((row, likeness)) = row else { continue };
         // What is doubted speaks softly.
-        let belief = likeness * object.vote_share(&object.label) * if object.confirmed { 1.0 } else { 0.4 };
+        let belief = likeness * object.vote_share(&object.label) * if object.confirmed { 1.0 } else { 0.2 };
         let weight = belief * REPEAT.powi(seen[row]);
         seen[row] += 1;
         for (kind, strength) in EVIDENCE[row].1 {

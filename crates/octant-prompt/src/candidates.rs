@@ -169,8 +169,13 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
     let weight = |candidate: &ObjectCandidate| candidate.found.total * if preferred(candidate) { 1.0 } else { 0.75 };
     // While places are left, a better answer may be in one of them: only a clear one ends the search.
     let is_clear = |candidate: &ObjectCandidate| {
+        /// What half a room says about its kind counts less: its open side may belong to the next room.
+        const HALF_SEEN: f64 = 0.8;
         let found = &candidate.found;
-        let weakest = found.class.min(found.weakest_relation).min(found.room);
+        let room = known.scene.things[found.index].room.map(|room| known.scene.rooms[room].id);
+        let is_half_seen = known.places.iter().any(|place| place.is_frontier && room.is_some() && place.room == room);
+        let room_score = if goal.room.is_some() && is_half_seen { HALF_SEEN * found.room } else { found.room };
+        let weakest = found.class.min(found.weakest_relation).min(room_score);
         !searching || (weakest >= config.accept_while_searching && !is_doubtful(situation, found.id, &goal.class))
     };
     let pool: Vec<&ObjectCandidate> = known
