@@ -87,6 +87,7 @@ pub mod lidar;
 pub mod mesh;
 pub mod models;
 pub mod motion;
+pub mod movers;
 pub mod noise;
 pub mod panorama;
 pub mod passage;
