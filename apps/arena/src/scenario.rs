@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 use mission::robot_model::{RobotKind, RobotModel};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use omni_sim::building::{Building, BuildingConfig, Style, generate};
-use omni_sim::scenes::{named_scene, scene_names};
+use omni_sim::scenes::{named_scene_for, scene_names};
 use omni_sim::world::{Thing, World};
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
@@ -25,8 +25,15 @@ pub struct Scene {
 impl Scene {
     /// A named scene, or the generated building of a seed that suits the robot.
     pub fn open(name: &str, robot: &RobotModel) -> Result<Scene> {
-        if let Some(building) = named_scene(name) {
+        let (min_door_m, passage_m) = needs_of(robot);
+        if let Some(building) = named_scene_for(name, min_door_m, passage_m) {
             return Scene::new(name, building);
+        }
+        if scene_names().contains(&name) {
+            bail!(
+                "{} needs doors of {min_door_m:.2} m, and no building called \"{name}\" has them; --scene takes a number too",
+                robot.name
+            );
         }
         let Ok(seed) = name.parse::<u64>() else {
             bail!(
@@ -40,15 +47,8 @@ impl Scene {
     /// The building of a seed: two to twelve rooms, uniformly, flat or office.
     pub fn drawn(seed: u64, robot: &RobotModel) -> Result<Scene> {
         let (rooms, style) = plan_of_seed(seed);
-        let swept_m = 2.0 * robot.circumscribed_radius_m;
-        let config = BuildingConfig {
-            seed,
-            rooms,
-            style,
-            min_door_m: (swept_m + 0.25).clamp(1.0, 1.4),
-            passage_m: (swept_m + 0.15).clamp(0.9, (swept_m + 0.25).clamp(1.0, 1.4)),
-            ..BuildingConfig::default()
-        };
+        let (min_door_m, passage_m) = needs_of(robot);
+        let config = BuildingConfig { seed, rooms, style, min_door_m, passage_m, ..BuildingConfig::default() };
         let building = generate(&config).with_context(|| format!("generating the building of seed {seed}"))?;
         Scene::new(&seed.to_string(), building)
     }
@@ -69,6 +69,13 @@ impl Scene {
             .with_context(|| format!("building the world of scene {name}"))?;
         Ok(Scene { name: name.to_owned(), building, world })
     }
+}
+
+/// Narrowest door and passage that suit a robot: the disc it sweeps when it turns, with a margin.
+fn needs_of(robot: &RobotModel) -> (f64, f64) {
+    let swept_m = 2.0 * robot.circumscribed_radius_m;
+    let min_door_m = (swept_m + 0.25).clamp(1.0, 2.0);
+    (min_door_m, (swept_m + 0.15).clamp(0.9, min_door_m))
 }
 
 /// Number of rooms and style of a seed's building.

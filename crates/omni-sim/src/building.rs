@@ -20,7 +20,7 @@ pub struct BuildingConfig {
     pub storeys: u32,
     /// Kinds of rooms and their furniture. Default [`Style::Flat`].
     pub style: Style,
-    /// Narrowest doorway, metres, 0.7 to 1.4; doorways are drawn from here to 1.4. Default 1.0.
+    /// Narrowest doorway, metres, 0.7 to 2.0; doorways are drawn from here to 1.4, or all as wide as this. Default 1.0.
     pub min_door_m: f64,
     /// Free width kept from every door of a room to every other and to the usable side of every piece of furniture, metres,
     /// 0.5 to `min_door_m`: the disc a turning robot sweeps, with a margin. Default 0.95.
@@ -54,8 +54,8 @@ pub enum SceneError {
     /// Each storey of two needs a stairwell, a corridor and two rooms.
     #[error("two storeys need at least 8 rooms, not {0}")]
     RoomsForStoreys(u32),
-    /// `min_door_m` is not a number from 0.7 to 1.4.
-    #[error("min_door_m must lie in 0.7..=1.4, not {0}")]
+    /// `min_door_m` is not a number from 0.7 to 2.0.
+    #[error("min_door_m must lie in 0.7..=2.0, not {0}")]
     Door(f64),
     /// `passage_m` is not a number from 0.5 to `min_door_m`.
     #[error("passage_m must lie in 0.5..=min_door_m, not {0}")]

@@ -64,7 +64,7 @@ impl BuildingConfig {
         if self.storeys == 2 && self.rooms < 8 {
             return Err(SceneError::RoomsForStoreys(self.rooms));
         }
-        if !(0.7..=1.4).contains(&self.min_door_m) {
+        if !(0.7..=2.0).contains(&self.min_door_m) {
             return Err(SceneError::Door(self.min_door_m));
         }
         if !(0.5..=self.min_door_m).contains(&self.passage_m) {

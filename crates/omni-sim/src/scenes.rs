@@ -27,13 +27,20 @@ pub fn scene_names() -> &'static [&'static str] {
 ///
 /// `None` for any other name.
 pub fn named_scene(name: &str) -> Option<Building> {
+    named_scene_for(name, 1.0, 0.9)
+}
+
+/// The same for a robot that needs doors of `min_door_m` and `passage_m` of room (as in [`BuildingConfig`]): `"flat"` and
+/// `"office"` are the usual ones if these are wide enough, and wider ones that keep the same promise if not. The special
+/// scenes are as they are. `None` also if no building keeps the promise.
+pub fn named_scene_for(name: &str, min_door_m: f64, passage_m: f64) -> Option<Building> {
     let room = |kind, x0, y0, x1, y1| PlanRoom { kind, parts: vec![Cells::new(x0, y0, x1, y1)] };
     let build = |rooms, doors: Vec<PlanDoor>, seed, furnishing| {
         raise(&[StoreyPlan { rooms }], &[doors], seed, 0.95, furnishing)
     };
     match name {
-        "flat" => first_that(FLAT_SEED, Style::Flat, keeps_flat_promise),
-        "office" => first_that(OFFICE_SEED, Style::Office, keeps_office_promise),
+        "flat" => first_that(FLAT_SEED, Style::Flat, min_door_m, passage_m, keeps_flat_promise),
+        "office" => first_that(OFFICE_SEED, Style::Office, min_door_m, passage_m, keeps_office_promise),
         "corridor" => Some(build(vec![room(RoomKind::Corridor, 0, 0, 600, 38)], vec![], 1, Furnishing::Bare)),
         "narrow-door" => {
             let rooms = vec![room(RoomKind::Study, 0, 0, 90, 84), room(RoomKind::LivingRoom, 90, 0, 190, 90)];
@@ -45,12 +52,23 @@ pub fn named_scene(name: &str) -> Option<Building> {
     }
 }
 
-/// The first building of five rooms that keeps a promise.
-fn first_that(seed: u64, style: Style, promise: impl Fn(&Building) -> bool) -> Option<Building> {
-    (seed..seed + SEEDS).find_map(|seed| {
-        let config = BuildingConfig { seed, rooms: 5, style, ..Default::default() };
-        generate(&config).ok().filter(|b| promise(b))
-    })
+/// The first building of five rooms that keeps a promise and is wide enough.
+fn first_that(
+    seed: u64,
+    style: Style,
+    min_door_m: f64,
+    passage_m: f64,
+    promise: impl Fn(&Building) -> bool,
+) -> Option<Building> {
+    let usual = BuildingConfig { rooms: 5, style, ..BuildingConfig::default() };
+    let is_wide = |building: &Building| building.doors.iter().all(|door| door.width_m >= min_door_m - 1e-9);
+    let first = |config: &BuildingConfig| {
+        (seed..seed + SEEDS)
+            .find_map(|seed| generate(&BuildingConfig { seed, ..config.clone() }).ok().filter(|b| promise(b)))
+    };
+    first(&usual)
+        .filter(|building| passage_m <= usual.passage_m && is_wide(building))
+        .or_else(|| first(&BuildingConfig { min_door_m, passage_m, ..usual }))
 }
 
 /// One mug in the kitchen, within 0.45 m of the sink; a mug in another room; a bathroom with its own sink.
