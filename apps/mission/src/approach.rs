@@ -25,9 +25,9 @@ const STEP_M: f64 = 0.10;
 /// What a hidden candidate costs against a visible one, in metres of way: the other side of a wall is no place to look from.
 const HIDDEN_COST_M: f64 = 30.0;
 /// What a metre beyond the wanted distance costs, in metres of way.
-const FAR_COST: f64 = 8.0;
+const FAR_COST: f64 = 20.0;
 /// What a metre costs that the robot lacks for turning on the spot, in metres of way.
-const TIGHT_COST: f64 = 40.0;
+const TIGHT_COST: f64 = 15.0;
 
 /// Finds the best place to look at `bounds` from at most `distance_m` (floor distance to the box), for an eye at `eye_m`
 /// above the world's zero. If nothing is reachable that near, places up to `fallback_m` count, at a price. `is_clear(eye,

@@ -152,6 +152,8 @@ pub struct StepMemory {
     pub visited: Vec<RoomId>,
     /// Objects it has arrived at.
     pub inspected: Vec<ObjectId>,
+    /// Objects it came near to, but not as near as it should: once more, on the map as it is now known.
+    pub approached: Vec<ObjectId>,
     /// What failed, until when it is left alone, and how often it has failed.
     pub rejected: Vec<Failure>,
     /// How often a search that seemed over was taken up again.
@@ -235,7 +237,14 @@ impl Mission {
                 self.target = Target::None;
                 return;
             }
-            if !self.memory.inspected.contains(&id) {
+            let here = self.world.odometry.as_ref().map(|o| Point2::from(o.world_from_body.translation.vector.xy()));
+            let bounds = self.world.graph.object(id).map(|object| object.bounds);
+            let is_far = here
+                .zip(bounds)
+                .is_some_and(|(here, bounds)| floor_distance_m(&bounds, &here) > self.config.stop_distance_m);
+            if is_far && !self.memory.approached.contains(&id) {
+                self.memory.approached.push(id);
+            } else if !self.memory.inspected.contains(&id) {
                 self.memory.inspected.push(id);
             }
         }
