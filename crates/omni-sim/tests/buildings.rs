@@ -9,7 +9,7 @@ use omni_sim::building::{
 };
 use omni_sim::catalog::class;
 use omni_sim::colors::color_name;
-use omni_sim::scenes::{named_scene, scene_names};
+use omni_sim::scenes::{named_scene, named_scene_for, scene_names};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -68,7 +68,10 @@ fn check_rooms(c: &BuildingConfig, b: &Building) {
             assert!(d.width_m > 2.0);
             continue;
         }
-        assert!(d.width_m >= c.min_door_m - 1e-9 && d.width_m <= 1.4 + 1e-9 && d.height_m == 2.05, "{c:?} {d:?}");
+        assert!(
+            d.width_m >= c.min_door_m - 1e-9 && d.width_m <= c.min_door_m.max(1.4) + 0.05 && d.height_m == 2.05,
+            "{c:?} {d:?}"
+        );
         // One step to either side leads into the two rooms.
         let step = if d.axis == DoorAxis::X { Vector3::x() } else { Vector3::y() } * 0.1;
         let up = Vector3::z() * 0.5;
@@ -461,6 +464,19 @@ fn named_scenes_keep_their_promises() {
     assert!(spin.rooms.len() == 1 && spin.objects.len() >= 10);
 }
 
+/// A robot with a large footprint gets buildings it fits into, with the same promise; others get the usual ones.
+#[test]
+fn named_scenes_suit_the_robot() {
+    for name in ["flat", "office"] {
+        let usual = named_scene(name).expect("it exists");
+        let same = named_scene_for(name, 1.0, 0.9).expect("it exists");
+        assert!(usual.mesh == same.mesh);
+        let wide = named_scene_for(name, 1.54, 1.44).expect("there is a wide one");
+        assert!(!wide.doors.is_empty() && wide.doors.iter().all(|d| d.width_m >= 1.54 - 1e-9), "{name}");
+    }
+    assert_eq!(named_scene_for("narrow-door", 1.54, 1.44).map(|b| b.doors[0].width_m), Some(14.0 * 0.05));
+}
+
 #[test]
 fn bad_configurations_are_refused() {
     let check = |c: BuildingConfig, error: SceneError| assert_eq!(generate(&c).err(), Some(error));
@@ -469,7 +485,7 @@ fn bad_configurations_are_refused() {
     check(BuildingConfig { rooms: 31, ..good.clone() }, SceneError::Rooms(31));
     check(BuildingConfig { storeys: 3, ..good.clone() }, SceneError::Storeys(3));
     check(BuildingConfig { storeys: 2, rooms: 7, ..good.clone() }, SceneError::RoomsForStoreys(7));
-    check(BuildingConfig { min_door_m: 1.5, ..good.clone() }, SceneError::Door(1.5));
+    check(BuildingConfig { min_door_m: 2.1, ..good.clone() }, SceneError::Door(2.1));
     check(BuildingConfig { passage_m: 1.2, ..good.clone() }, SceneError::Passage(1.2));
     assert!(matches!(generate(&BuildingConfig { min_door_m: f64::NAN, ..good.clone() }), Err(SceneError::Door(_))));
     assert!(matches!(generate(&BuildingConfig { passage_m: f64::NAN, ..good }), Err(SceneError::Passage(_))));
