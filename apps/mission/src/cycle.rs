@@ -54,17 +54,17 @@ impl Mission {
 
     /// Toward the goal, past what the last scans show.
     fn drive(&mut self) -> Command {
-        let odometry = self.world.odometry.as_ref().expect("a cycle without odometry ends before");
+        let odometry = self.world.odometry.expect("a cycle without odometry ends before");
         let at = Point3::from(odometry.world_from_body.translation.vector);
-        let obstacles = match self.body {
-            Body::Ground(_) => self.world.obstacles_near(&Point2::new(at.x, at.y)),
-            Body::Air(_) => Vec::new(),
-        };
-        let velocity = velocity_in_body(odometry);
+        let velocity = velocity_in_body(&odometry);
         let pose = odometry.world_from_body;
         let distance_m = self.world.field.distance(&at);
+        let obstacles = match self.body {
+            Body::Ground(_) => self.world.obstacles_near(&Point2::new(at.x, at.y)),
+            Body::Air(_) => &[],
+        };
         let body = &mut self.body;
-        let command = self.journal.clock.time("control", || body.command(&pose, velocity, &obstacles, distance_m));
+        let command = self.journal.clock.time("control", || body.command(&pose, velocity, obstacles, distance_m));
         if self.t_moved_s.is_none() && odometry.velocity_in_world_mps.norm() > 0.05 {
             self.t_moved_s = Some(odometry.stamp);
         }

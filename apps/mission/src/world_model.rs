@@ -70,6 +70,8 @@ pub struct WorldModel {
     recent: VecDeque<RecentScan>,
     waiting: VecDeque<MaskedPanorama>,
     obstacles: VecDeque<(Stamp, Vec<Point2<f32>>)>,
+    /// Obstacles round the robot, as of the newest scan.
+    gathered: (Option<Stamp>, Vec<Point2<f32>>),
     label_ids: BTreeMap<String, u16>,
     builder: GraphBuilder,
     frame: MapFrame,
@@ -126,6 +128,7 @@ impl WorldModel {
             recent: VecDeque::new(),
             waiting: VecDeque::new(),
             obstacles: VecDeque::new(),
+            gathered: (None, Vec::new()),
             label_ids: BTreeMap::new(),
             builder: GraphBuilder::default(),
             frame: MapFrame::Waiting(Vec::new()),
@@ -327,15 +330,20 @@ impl WorldModel {
         cells.into_iter().map(|(ix, iy)| Point2::new((ix as f32 + 0.5) * THIN_M, (iy as f32 + 0.5) * THIN_M)).collect()
     }
 
-    /// What the last scans show around the robot, and what the map remembers where they are blind.
-    pub fn obstacles_near(&self, here: &Point2<f64>) -> Vec<Point2<f32>> {
+    /// What the last scans show around the robot, and what the map remembers where they are blind. Gathered once per scan:
+    /// between two scans nothing new is seen.
+    pub fn obstacles_near(&mut self, here: &Point2<f64>) -> &[Point2<f32>] {
         const MEMORY_RANGE_M: f64 = 1.2;
-        let mut points: Vec<Point2<f32>> =
-            self.obstacles.iter().flat_map(|(_, points)| points.iter().copied()).collect();
-        points.extend(self.navigation.occupied_near(here, MEMORY_RANGE_M));
-        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-        points.dedup();
-        points
+        let newest = self.obstacles.back().map(|(stamp, _)| *stamp);
+        if newest.is_none() || self.gathered.0 != newest {
+            let mut points: Vec<Point2<f32>> =
+                self.obstacles.iter().flat_map(|(_, points)| points.iter().copied()).collect();
+            points.extend(self.navigation.occupied_near(here, MEMORY_RANGE_M));
+            points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+            points.dedup();
+            self.gathered = (newest, points);
+        }
+        &self.gathered.1
     }
 
     /// Labels the images around which all scans have come in.
