@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use mission::journal::CpuScope;
 use mission::robot_model::{RobotKind, RobotModel};
+use mission::stage_clock::CpuScope;
 use serde::Serialize;
 
 use crate::cli::word;
@@ -59,8 +59,8 @@ pub struct BenchNav {
     pub runs: Vec<Summary>,
 }
 
-/// Draws and runs the scenes with these indices. A run that cannot be set up is a failure with its reason, never a gap. With `keep`, the run folder of
-/// every run is written below it. Progress goes to stderr unless `is_quiet`.
+/// Draws and runs the scenes with these indices. A run that cannot be set up is a failure with its reason, never a gap. With
+/// `keep`, the run folder of every run is written below it. Progress goes to stderr unless `is_quiet`.
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the bench
 pub fn bench_nav(
     robot: &RobotModel,

@@ -2,7 +2,8 @@
 
 use plotters::prelude::*;
 
-/// Draws one or more curves over a common time axis. `unit` names the vertical axis.
+/// Draws one or more curves over a common time axis. `unit` is that of the values; those that are not finite
+/// are left out.
 pub fn curves(title: &str, unit: &str, series: &[(&str, Vec<(f64, f64)>)]) -> String {
     const SIZE: (u32, u32) = (560, 190);
     const COLORS: [RGBColor; 3] = [RGBColor(31, 119, 180), RGBColor(214, 39, 40), RGBColor(44, 160, 44)];
@@ -19,12 +20,12 @@ pub fn curves(title: &str, unit: &str, series: &[(&str, Vec<(f64, f64)>)]) -> St
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         let drawn = (|| -> Result<(), Box<dyn std::error::Error>> {
             let mut chart = ChartBuilder::on(&root)
-                .caption(title, ("sans-serif", 14))
+                .caption(format!("{title}, {unit}"), ("sans-serif", 14))
                 .margin(6)
-                .x_label_area_size(26)
+                .x_label_area_size(34)
                 .y_label_area_size(46)
                 .build_cartesian_2d(0.0..end_s, low..high * 1.05)?;
-            chart.configure_mesh().x_desc("s").y_desc(unit).light_line_style(WHITE).x_labels(8).y_labels(5).draw()?;
+            chart.configure_mesh().x_desc("s").light_line_style(WHITE).x_labels(8).y_labels(5).draw()?;
             for (index, (name, points)) in series.iter().enumerate() {
                 let color = COLORS[index % COLORS.len()];
                 let drawn = chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(1)))?;

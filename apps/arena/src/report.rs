@@ -48,11 +48,7 @@ pub fn report_html(
         journal.curves.iter().map(|sample| (sample.t_s, value(sample))).collect()
     };
     page.push_str(&curves("Speed", "m/s", &[("speed", series(|s| s.speed_mps))]));
-    page.push_str(&curves(
-        "Distance to the nearest obstacle",
-        "m",
-        &[("clearance", series(|s| s.clearance_m.min(3.0)))],
-    ));
+    page.push_str(&curves("Distance to the nearest obstacle", "m", &[("clearance", series(|s| s.clearance_m))]));
     page.push_str(&curves("Tokens sent", "tokens", &[("tokens", series(|s| s.prompt_tokens as f64))]));
     page.push_str(&curves(
         "Known so far",

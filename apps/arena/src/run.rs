@@ -8,13 +8,14 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use mission::archive::Known;
 use mission::config::MissionConfig;
-use mission::journal::{CpuScope, Journal, StageClock};
+use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::robot_model::RobotModel;
+use mission::stage_clock::{CpuScope, StageClock};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
@@ -227,7 +228,7 @@ pub fn run(
         }
     }
 
-    truth.truth_from_map *= mission.world.map_from_odometry().inverse();
+    truth.truth_from_map *= mission.world.frame().map_from_odometry.inverse();
 
     // The verdict.
     let pose = simulation.true_pose();

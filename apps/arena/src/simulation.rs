@@ -1,12 +1,12 @@
 //! The world's side of the stream: body and physics, sensors, odometry with drift. What leaves it is what a robot could know.
 
 use anyhow::{Context, Result};
-use mission::journal::StageClock;
 use mission::omni_perception::{
     EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
     Rle, Stamp, TrackingStatus,
 };
 use mission::robot_model::RobotModel;
+use mission::stage_clock::StageClock;
 use mission::stream::{Command, SensorEvent};
 use nalgebra::Isometry3;
 use omni_sim::encoder::{EncoderConfig, encoder_sample};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use mission::journal::StageFigures;
+use mission::stage_clock::StageFigures;
 use serde::Serialize;
 
 /// One run in figures. Everything except `wall_s`, `cpu_s` and the times in `stages` is the same for the same seeds.

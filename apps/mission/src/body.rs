@@ -8,7 +8,7 @@ use crate::drive::{Drive, DriveConfig};
 use crate::error::MissionError;
 use crate::fly::{AirSpace, Fly, Phase};
 use crate::goal::{Goal, GoalStatus};
-use crate::journal::StageClock;
+use crate::stage_clock::StageClock;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
 

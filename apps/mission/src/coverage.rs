@@ -380,4 +380,60 @@ mod tests {
         assert_eq!(coverage.frontiers().len(), 1);
         assert!((coverage.frontiers()[0].at.x - 5.9).abs() < 0.3, "{:?}", coverage.frontiers());
     }
+
+    /// All is looked at; beyond a door of 1.0 m nothing was measured. The rim is a few cells, less than is worth a trip by
+    /// area.
+    #[test]
+    fn a_door_half_seen_is_a_frontier_and_a_speck_is_none() {
+        let mut slice = hall();
+        for iy in 1..29 {
+            slice.cells[iy * 120 + 100] = if (10..20).contains(&iy) { Cell::Free } else { Cell::Occupied };
+            for ix in 101..119 {
+                slice.cells[iy * 120 + ix] = Cell::Unknown;
+            }
+        }
+        slice.cells[15 * 120 + 50] = Cell::Unknown;
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        for x in [1.5, 4.0, 7.0, 9.0] {
+            coverage.look(&Point2::new(x, 1.5), &slice);
+        }
+        coverage.update(&slice, 0.0);
+        let [door] = coverage.frontiers() else { panic!("{:?}", coverage.frontiers()) };
+        assert!((door.at - Point2::new(10.0, 1.5)).norm() < 0.4 && door.cells <= 12, "{door:?}");
+    }
+
+    #[test]
+    fn what_failed_is_offered_again_after_a_while_and_three_times_at_most() {
+        let slice = hall();
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        let mut tries = 0;
+        for second in 0..400 {
+            let now_s = f64::from(second);
+            coverage.update(&slice, now_s);
+            let Some(frontier) = coverage.frontiers().first().cloned() else { continue };
+            tries += 1;
+            coverage.postpone(&frontier.at, now_s + 10.0);
+            coverage.update(&slice, now_s + 5.0);
+            assert!(coverage.frontiers().iter().all(|f| (f.at - frontier.at).norm() > 0.5), "left alone for a while");
+        }
+        assert_eq!(coverage.frontiers(), &[], "a search ends");
+        // The hall has four patches of three metres; each of them can break into a few while parts are left alone.
+        assert!((8..60).contains(&tries), "{tries}");
+    }
+
+    #[test]
+    fn before_the_search_ends_smaller_patches_count_too() {
+        let slice = hall();
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        for x in [1.5, 4.0, 7.0, 10.0] {
+            coverage.look(&Point2::new(x, 1.5), &slice);
+        }
+        // Eight cells are left: 0.32 m², less than is worth a trip.
+        coverage.inspected.retain(|&(x, y)| !((20..24).contains(&x) && (5..7).contains(&y)));
+        coverage.update(&slice, 0.0);
+        assert_eq!(coverage.frontiers(), &[]);
+        coverage.reconsider();
+        coverage.update(&slice, 0.0);
+        assert_eq!(coverage.frontiers().len(), 1);
+    }
 }

@@ -49,7 +49,7 @@ impl Mission {
             _ => self.hold(),
         };
         self.sample_curves(t_s);
-        self.world.command_for_body(command)
+        self.world.frame().command_for_body(command)
     }
 
     /// Toward the goal, past what the last scans show.

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point2, Vector3};
 use planner::{LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus};
 use robot_model::RobotModel;
 
-use crate::goal::{Goal, GoalStatus};
+use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::Command;
 
@@ -97,12 +97,7 @@ impl Drive {
             return;
         }
         let here = Point2::from(world_from_body.translation.vector.xy());
-        let way = navigation.route(&here, &target).map(|route| route.points).or_else(|| {
-            // Not reachable itself: as near as can be, if that is near enough.
-            let (nearest, off_m) = navigation.nearest_reachable(&here, &target)?;
-            (off_m <= tolerance_m).then(|| navigation.route(&here, &nearest)).flatten().map(|route| route.points)
-        });
-        match way {
+        match navigation.route_toward(&here, &target, tolerance_m) {
             Some(points) => {
                 self.attempts = 0;
                 self.path = points;
@@ -175,10 +170,4 @@ impl Drive {
         }
         Command::Velocity { forward_mps: local.vx, left_mps: local.vy, yaw_rate_radps: local.yaw_rate }
     }
-}
-
-/// An angle in (-pi, pi].
-fn wrap(angle_rad: f64) -> f64 {
-    let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
-    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
 }

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use planner::{AirConfig, AirPlan, AirPlanError, FlightState, PolynomialTrajectory, plan_air};
 use robot_model::RobotModel;
 
-use crate::goal::{Goal, GoalStatus};
+use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::{Command, FlightSetPoint};
 
@@ -123,21 +123,26 @@ impl Fly {
         }
     }
 
-    /// Stops, and goes down there.
+    /// Stops, and goes down there. It may be asked again at any time.
     pub fn land(&mut self) {
         match self.phase {
-            Phase::Flying => {
-                self.wants_stop = true;
+            Phase::Flying if !self.wants_landing => {
+                self.set_goal(Goal::Stay);
                 self.wants_landing = true;
             }
+            Phase::Flying => {}
             Phase::TakeOff => self.phase = Phase::Landing,
             Phase::Grounded => self.phase = Phase::Landed,
             Phase::Landing | Phase::Landed => {}
         }
     }
 
-    /// Takes a new goal; the trajectory being flown goes on until the next plan replaces it.
+    /// Takes a new goal; the trajectory being flown goes on until the next plan replaces it. No goal is taken any more once
+    /// it was told to land.
     pub fn set_goal(&mut self, goal: Goal) {
+        if self.wants_landing {
+            return;
+        }
         self.attempts = 0;
         self.has_planned = false;
         self.is_half_way = false;
@@ -164,11 +169,7 @@ impl Fly {
     /// The way to the goal in the plane of flight, or to a point within its tolerance.
     pub fn route(&self, navigation: &NavigationMap, here: &Point2<f64>) -> Option<Vec<Point2<f64>>> {
         let Goal::Reach { target, tolerance_m, .. } = self.goal else { return None };
-        let route = navigation.route(here, &target).or_else(|| {
-            let (point, off_m) = navigation.nearest_reachable(here, &target)?;
-            (off_m <= tolerance_m).then(|| navigation.route(here, &point))?
-        });
-        route.map(|route| route.points)
+        navigation.route_toward(here, &target, tolerance_m)
     }
 
     /// Plans anew on a fresh map: for a new goal, or because the old plan is no longer free. `route` is the way in the
@@ -393,10 +394,4 @@ fn sentence(error: &AirPlanError) -> &'static str {
         AirPlanError::NotCertified | AirPlanError::StartTooFast { .. } => "no certified trajectory from this motion",
         AirPlanError::Config(_) | AirPlanError::NotFinite => "the planner was given numbers that make no sense",
     }
-}
-
-/// An angle in (-pi, pi].
-fn wrap(angle_rad: f64) -> f64 {
-    let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
-    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
 }

@@ -33,3 +33,9 @@ pub enum GoalStatus {
     /// Not possible, and why.
     Failed(&'static str),
 }
+
+/// An angle in (-pi, pi].
+pub(crate) fn wrap(angle_rad: f64) -> f64 {
+    let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
+    if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
+}

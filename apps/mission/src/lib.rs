@@ -8,6 +8,7 @@
 //! independent crates of the house together and holds what only makes sense for a robot that has all of them. It does not know the
 //! simulator: the truth cannot reach it, for it does not compile.
 
+pub mod acting;
 pub mod alignment;
 pub mod approach;
 pub mod archive;
@@ -23,6 +24,7 @@ pub mod goal;
 pub mod graph_builder;
 pub mod journal;
 pub mod llm_reasoner;
+pub mod map_frame;
 pub mod mission;
 pub mod navigation;
 pub mod openai;
@@ -30,6 +32,8 @@ pub mod reach;
 pub mod reasoning;
 pub mod relation_verifier;
 pub mod rooms;
+pub mod snapshot;
+pub mod stage_clock;
 pub mod stream;
 pub mod world_model;
 

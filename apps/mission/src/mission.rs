@@ -5,11 +5,12 @@ use octant_prompt::{Critic, Instruction, parse_instruction};
 use omni_perception::{Equirectangular, Stamp};
 use robot_model::RobotModel;
 
+use crate::acting::{StepMemory, Target};
 use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
-use crate::reasoning::{Mind, Pending, StepMemory, Target};
+use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
 

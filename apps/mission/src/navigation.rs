@@ -119,6 +119,15 @@ impl NavigationMap {
         self.graph.as_ref()?.route(start, goal)
     }
 
+    /// The way to `goal`; if that cannot be reached, to the reachable point nearest to it, if that is within `tolerance_m`.
+    pub fn route_toward(&self, start: &Point2<f64>, goal: &Point2<f64>, tolerance_m: f64) -> Option<Vec<Point2<f64>>> {
+        let route = self.route(start, goal).or_else(|| {
+            let (nearest, off_m) = self.nearest_reachable(start, goal)?;
+            (off_m <= tolerance_m).then(|| self.route(start, &nearest)).flatten()
+        });
+        route.map(|route| route.points)
+    }
+
     /// The reachable point nearest to `goal`, and how far from it that is.
     pub fn nearest_reachable(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<(Point2<f64>, f64)> {
         self.graph.as_ref()?.nearest_reachable(start, goal)

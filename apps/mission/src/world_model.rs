@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use dsg::{ObjectEvidence, SceneGraph};
-use nalgebra::{Isometry3, Point2, Point3, Translation3};
+use nalgebra::{Isometry3, Point2, Point3};
 use omni_perception::{
     DeskewConfig, EncoderTrack, Equirectangular, MaskedPanorama, ObservationConfig, OdometryEstimate, RawScan,
     ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, observe_objects,
@@ -13,15 +13,15 @@ use omni_perception::{
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
-use crate::alignment::turn_to_walls;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
 use crate::graph_builder::GraphBuilder;
-use crate::journal::StageClock;
+use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
 use crate::rooms::RoomMap;
-use crate::stream::{Command, SensorEvent};
+use crate::stage_clock::StageClock;
+use crate::stream::SensorEvent;
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
@@ -49,12 +49,12 @@ pub struct Ignored {
     pub updates: u64,
 }
 
-/// The map's frame: that of the odometry, turned once to the walls.
-enum MapFrame {
+/// Whether the map has its frame yet.
+enum Frame {
     /// What the sensors said until the turn is known.
     Waiting(Vec<SensorEvent>),
-    /// `map_from_odometry`.
-    Set(Isometry3<f64>),
+    /// The map has begun.
+    Set(MapFrame),
 }
 
 /// Everything known, in the frame of the map: level, turned to the walls, zero where the odometry has it.
@@ -74,7 +74,7 @@ pub struct WorldModel {
     gathered: (Option<Stamp>, Vec<Point2<f32>>),
     label_ids: BTreeMap<String, u16>,
     builder: GraphBuilder,
-    frame: MapFrame,
+    frame: Frame,
     /// Newest odometry.
     pub odometry: Option<OdometryEstimate>,
     /// Surface and free space.
@@ -131,7 +131,7 @@ impl WorldModel {
             gathered: (None, Vec::new()),
             label_ids: BTreeMap::new(),
             builder: GraphBuilder::default(),
-            frame: MapFrame::Waiting(Vec::new()),
+            frame: Frame::Waiting(Vec::new()),
             odometry: None,
             volume: Volume::new(config.volume.clone())?,
             field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
@@ -160,7 +160,7 @@ impl WorldModel {
 
     /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
     pub fn know(&mut self, known: crate::archive::Known) {
-        self.frame = MapFrame::Set(Isometry3::identity());
+        self.frame = Frame::Set(MapFrame::default());
         self.graph = known.graph;
         self.volume = known.volume;
         self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
@@ -170,76 +170,31 @@ impl WorldModel {
     }
 
     /// Where the odometry's frame lies in the map; identity until the map has been turned to the walls.
-    pub fn map_from_odometry(&self) -> Isometry3<f64> {
+    pub fn frame(&self) -> MapFrame {
         match &self.frame {
-            MapFrame::Waiting(_) => Isometry3::identity(),
-            MapFrame::Set(map_from_odometry) => *map_from_odometry,
+            Frame::Waiting(_) => MapFrame::default(),
+            Frame::Set(frame) => *frame,
         }
-    }
-
-    /// A command of the map's frame in that of the odometry, which is what bodies know.
-    pub fn command_for_body(&self, command: Command) -> Command {
-        let Command::Flight(mut point) = command else { return command };
-        let odometry_from_map = self.map_from_odometry().inverse();
-        point.position_in_world = odometry_from_map * point.position_in_world;
-        for vector in
-            [&mut point.velocity_in_world_mps, &mut point.acceleration_in_world_mps2, &mut point.jerk_in_world_mps3]
-        {
-            *vector = odometry_from_map * *vector;
-        }
-        point.yaw_rad += odometry_from_map.rotation.euler_angles().2;
-        Command::Flight(point)
     }
 
     /// Takes one thing that the sensors said. The first second is kept until it has shown how the walls run.
     pub fn see(&mut self, event: SensorEvent, clock: &mut StageClock) {
         const LOOK_NS: i64 = 1_100_000_000;
         match &mut self.frame {
-            MapFrame::Set(_) => self.take(event, clock),
-            MapFrame::Waiting(events) => {
+            Frame::Set(_) => self.take(event, clock),
+            Frame::Waiting(events) => {
                 events.push(event);
                 let first = events.first().map_or(Stamp(0), SensorEvent::stamp);
                 if events.last().is_some_and(|last| last.stamp().0 - first.0 >= LOOK_NS) {
                     let events = std::mem::take(events);
-                    let turn = clock.time("alignment", || self.turn_to_walls(&events));
-                    self.frame = MapFrame::Set(turn);
+                    let frame = clock.time("alignment", || MapFrame::of_first_look(&events, &self.mount, self.floor_m));
+                    self.frame = Frame::Set(frame);
                     for event in events {
                         self.take(event, clock);
                     }
                 }
             }
         }
-    }
-
-    /// The turn about the robot that lays the walls of the first scans along the map's axes.
-    fn turn_to_walls(&self, events: &[SensorEvent]) -> Isometry3<f64> {
-        let (mut encoder, mut trajectory) = (EncoderTrack::rotating(0.0), Trajectory::default());
-        let mut start = None;
-        for event in events {
-            // What is out of order is counted when the events are taken.
-            match event {
-                SensorEvent::Encoder(sample) => {
-                    let _ = encoder.push(*sample);
-                }
-                SensorEvent::Odometry(estimate) => {
-                    start.get_or_insert(estimate.world_from_body.translation.vector);
-                    let _ = trajectory.push(estimate);
-                }
-                _ => {}
-            }
-        }
-        let mut points = Vec::new();
-        for event in events {
-            if let SensorEvent::Scan(scan) = event
-                && let Ok(straight) =
-                    deskew(scan, &encoder, &self.mount, &trajectory, ReferenceTime::End, &DeskewConfig::default())
-            {
-                points.extend(straight.points_in_world());
-            }
-        }
-        let Some(turn) = turn_to_walls(&points, self.floor_m) else { return Isometry3::identity() };
-        let pivot = Translation3::from(start.unwrap_or_default());
-        pivot * turn * pivot.inverse()
     }
 
     fn take(&mut self, event: SensorEvent, clock: &mut StageClock) {
@@ -250,13 +205,8 @@ impl WorldModel {
                     self.ignored.samples += 1;
                 }
             }
-            SensorEvent::Odometry(mut estimate) => {
-                let map_from_odometry = self.map_from_odometry();
-                estimate.world_from_body = map_from_odometry * estimate.world_from_body;
-                estimate.velocity_in_world_mps = map_from_odometry * estimate.velocity_in_world_mps;
-                let turn = map_from_odometry.rotation.to_rotation_matrix();
-                let position = estimate.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-                estimate.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&(turn * position * turn.inverse()));
+            SensorEvent::Odometry(estimate) => {
+                let estimate = self.frame().estimate_in_map(&estimate);
                 if self.trajectory.push(&estimate).is_ok() {
                     self.odometry = Some(estimate);
                 } else {

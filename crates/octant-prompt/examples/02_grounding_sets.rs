@@ -17,7 +17,6 @@ use serde_json::Value;
 
 fn main() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/grounding");
-    let folder = if std::path::Path::new(folder).is_dir() { folder } else { "/work/shared/data/grounding" };
     let (Ok(scenes), Ok(utterances)) = (
         std::fs::read_to_string(format!("{folder}/scenes.jsonl")),
         std::fs::read_to_string(format!("{folder}/utterances.jsonl")),

@@ -115,8 +115,8 @@ pub fn room_score(reference: &RoomReference, room: usize, scene: &Scene, viewer_
         .product();
     let name = if reference.name.is_empty() {
         1.0
-    } else if facts.name == reference.name {
-        0.98 // a kind may be a guess, and so may a name made from it
+    } else if facts.name == reference.name && facts.is_name_given {
+        0.98
     } else if let Some(kind) = &reference.kind {
         let by_contents = facts.probabilities.iter().find(|(name, _)| name == kind).map_or(0.0, |(_, p)| *p);
         match &facts.kind {

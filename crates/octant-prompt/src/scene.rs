@@ -37,6 +37,8 @@ pub struct RoomFacts {
     pub id: RoomId,
     /// Its name, normalised.
     pub name: String,
+    /// Whether somebody gave it that name; otherwise it was made from a guess of the kind and says no more than that.
+    pub is_name_given: bool,
     /// What the graph takes it for, with confidence.
     pub kind: Option<(String, f64)>,
     /// Probability of each kind of [`kind_probabilities`] from its contents.
@@ -102,6 +104,7 @@ impl Scene {
             scene.rooms.push(RoomFacts {
                 id: room.id,
                 name: normalise(&room.name),
+                is_name_given: room.is_user_named || room.kind.is_none(),
                 kind: room.kind.as_ref().map(|kind| (normalise(kind), room.kind_confidence)),
                 probabilities: kind_probabilities(&seen),
                 floor: room.floor,

@@ -270,3 +270,32 @@ fn renaming_all_ids_leaves_the_decision() {
     };
     assert_eq!(chosen(&things), chosen(&reversed));
 }
+
+/// The kitchen is known by a guess of 0.84, and the picture hangs in it. While part of it is unseen, that part may turn out to be the
+/// kitchen and the rest a hallway: the robot looks on. The same guess about a room seen whole is good enough, and so is a name that
+/// somebody gave.
+#[test]
+fn a_guess_about_half_a_room_does_not_end_the_search() {
+    let decide = |frontier: u64, is_user_named: bool| {
+        let mut graph = support::graph(2, &[], &[put("picture", 1.5, 1.5, 1.0), put("stove", 3.5, 3.5, 0.5)]);
+        let mut room = graph.room(RoomId(0)).expect("it exists").clone();
+        (room.name, room.kind, room.kind_confidence) = ("kitchen".into(), Some("kitchen".into()), 0.84);
+        room.is_user_named = is_user_named;
+        graph.apply(Op::PutRoom(Box::new(room))).expect("valid");
+        let mut place = *graph.place(PlaceId(frontier)).expect("it exists");
+        place.frontier_cells = 20;
+        graph.apply(Op::PutPlace(place)).expect("valid");
+        let instruction = parse_instruction("find the picture in the kitchen");
+        let path = |point: &Point3<f64>| Some((point.x - 2.5).hypot(point.y - 2.5));
+        let (frontiers, no) = ([PlaceId(frontier)], |_: ObjectId| false);
+        let situation = Situation {
+            frontiers: &frontiers,
+            ..Situation::new(&graph, support::pose(2.5, 2.5, 0.0), &instruction, &path, &no)
+        };
+        SymbolicReasoner::default().reply(&situation).expect("there is a step").action
+    };
+    let (here, next_door) = (4, 13);
+    assert_eq!(decide(here, false), Action::Explore(PlaceId(here)));
+    assert_eq!(decide(next_door, false), Action::GoNear(ObjectId(1)));
+    assert_eq!(decide(here, true), Action::GoNear(ObjectId(1)));
+}
