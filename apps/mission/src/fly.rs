@@ -178,7 +178,7 @@ impl Fly {
         if self.phase != Phase::Flying {
             return;
         }
-        let is_free = self.flying.as_ref().is_none_or(|(plan, t_s)| self.is_free(plan, *t_s, true, air));
+        let is_free = self.flying.as_ref().is_none_or(|(plan, t_s)| self.is_still_free(plan, *t_s, air));
         if !is_free || self.wants_stop {
             self.brake(!is_free, air);
         }
@@ -238,12 +238,16 @@ impl Fly {
         }
     }
 
-    /// Whether a trajectory keeps the robot's ball, from a time on, out of what the map shows now. `if_unknown`: the answer
-    /// where nobody has looked.
-    fn is_free(&self, plan: &PolynomialTrajectory, from_s: f64, if_unknown: bool, air: &AirSpace) -> bool {
+    /// Whether what is left of a certified trajectory is still free. The map's voxels may shift by their size between two
+    /// looks: only a real intrusion counts, and what is not known any more was known when it was certified.
+    fn is_still_free(&self, plan: &PolynomialTrajectory, from_s: f64, air: &AirSpace) -> bool {
+        Self::keeps(plan, from_s, self.config.radius_m - 0.05, true, air)
+    }
+
+    /// Whether a trajectory, from a time on, keeps `ball_m` away from what the map shows now. `if_unknown`: the answer where
+    /// nobody has looked.
+    fn keeps(plan: &PolynomialTrajectory, from_s: f64, ball_m: f64, if_unknown: bool, air: &AirSpace) -> bool {
         const STEP_S: f64 = 0.1;
-        // The map's voxels may shift by their size between two looks: only a real intrusion counts.
-        let ball_m = self.config.radius_m - 0.05;
         let steps = ((plan.duration() - from_s) / STEP_S).ceil().max(0.0) as usize;
         (0..=steps).all(|step| {
             let point = plan.sample((from_s + step as f64 * STEP_S).min(plan.duration())).p;
@@ -275,7 +279,8 @@ impl Fly {
             self.flying = None;
         } else {
             let brake = planner::stop_trajectory(&state, self.config.max_accel_mps2);
-            if !must && !self.is_free(&brake, 0.0, false, air) {
+            // Nobody certified it: it has to keep the distance that a certificate would ask for.
+            if !must && !Self::keeps(&brake, 0.0, self.config.clearance_m(), false, air) {
                 return;
             }
             self.flying = Some((brake, 0.0));
@@ -393,5 +398,36 @@ fn sentence(error: &AirPlanError) -> &'static str {
         AirPlanError::SearchLimit { .. } | AirPlanError::TooFar => "the way is too long to be searched",
         AirPlanError::NotCertified | AirPlanError::StartTooFast { .. } => "no certified trajectory from this motion",
         AirPlanError::Config(_) | AirPlanError::NotFinite => "the planner was given numbers that make no sense",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Flies at a wall with 1 m/s and is told to stay; where the wall lets the ball pass by `beyond_m` beyond the place
+    /// at which a brake would end, whether it brakes at once.
+    fn brakes_with(beyond_m: f64) -> bool {
+        let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), 1.2, 0.2, 0.02, 3);
+        let state = FlightState { p: Point3::new(0.0, 0.0, 1.2), v: Vector3::new(1.0, 0.0, 0.0), a: Vector3::zeros() };
+        let brake = planner::stop_trajectory(&state, fly.config.max_accel_mps2);
+        let wall_m = brake.sample(brake.duration()).p.x + fly.config.radius_m + beyond_m;
+        // Something gentler than the brake, so that one can be told from the other.
+        let certified = planner::stop_trajectory(&state, 0.5 * fly.config.max_accel_mps2);
+        let duration_s = certified.duration();
+        fly.flying = Some((certified, 0.0));
+        fly.phase = Phase::Flying;
+        fly.set_goal(Goal::Stay);
+        let distance = |p: &Point3<f64>| Some(wall_m - p.x);
+        fly.brake(false, &AirSpace { distance: &distance, obstacles: &|_, _| Vec::new() });
+        fly.flying.is_some_and(|(plan, _)| plan.duration() < duration_s)
+    }
+
+    #[test]
+    fn a_free_brake_keeps_as_much_distance_as_a_certificate() {
+        let margin_m = AirConfig::default().margin_m;
+        assert!(brakes_with(margin_m + 0.01));
+        assert!(!brakes_with(margin_m - 0.01), "nobody certified a brake that ends nearer than that");
+        assert!(!brakes_with(-0.04), "the slack of a certified flight is not for brakes");
     }
 }
