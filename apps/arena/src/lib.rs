@@ -11,6 +11,7 @@ pub mod drift;
 pub mod floor;
 pub mod map_picture;
 pub mod options;
+pub mod progress;
 pub mod referee;
 pub mod report;
 pub mod run;

@@ -228,6 +228,9 @@ pub fn run(
         }
     }
 
+    let end_s = simulation.seconds();
+    let unused = mission.world.ignored.sentences();
+    mission.journal.notes.extend(unused.into_iter().map(|sentence| (end_s, sentence)));
     truth.truth_from_map *= mission.world.frame().map_from_odometry.inverse();
 
     // The verdict.

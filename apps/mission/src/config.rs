@@ -4,6 +4,7 @@ use octant_prompt::PromptConfig;
 use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
+use crate::error::MissionError;
 use crate::rooms::RoomConfig;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
@@ -77,5 +78,53 @@ impl Default for MissionConfig {
             obstacle_memory_s: 2.1,
             max_attempts: 3,
         }
+    }
+}
+
+impl MissionConfig {
+    /// Checks the numbers that nobody else checks: each is finite, and positive or at least not negative.
+    ///
+    /// # Errors
+    /// [`MissionError::Config`] with the name of the first one that is not.
+    pub fn validate(&self) -> Result<(), MissionError> {
+        let positive = [
+            ("field_resolution_m", self.field_resolution_m),
+            ("field_max_distance_m", self.field_max_distance_m),
+            ("refresh_period_s", self.refresh_period_s),
+            ("control_period_s", self.control_period_s),
+            ("label_window_s", self.label_window_s),
+            ("stop_distance_m", self.stop_distance_m),
+            ("flight_height_m", self.flight_height_m),
+            ("obstacle_memory_s", self.obstacle_memory_s),
+            ("max_attempts", f64::from(self.max_attempts)),
+        ];
+        let not_negative = [
+            ("first_look_s", self.first_look_s),
+            ("reasoning_latency_s", self.reasoning_latency_s),
+            ("decision_period_s", self.decision_period_s),
+            ("close_look_s", self.close_look_s),
+            ("label_delay_s", self.label_delay_s),
+        ];
+        if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+            return Err(MissionError::Config { name, value, accepted: "a positive number" });
+        }
+        if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+            return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_period_of_zero_is_refused_by_name() {
+        MissionConfig::default().validate().unwrap();
+        let broken = MissionConfig { refresh_period_s: 0.0, ..MissionConfig::default() };
+        assert!(broken.validate().unwrap_err().to_string().contains("refresh_period_s"));
+        let broken = MissionConfig { close_look_s: f64::NAN, ..MissionConfig::default() };
+        assert!(broken.validate().unwrap_err().to_string().contains("close_look_s"));
     }
 }

@@ -5,6 +5,16 @@ use thiserror::Error;
 /// Why a mission cannot start.
 #[derive(Debug, Error)]
 pub enum MissionError {
+    /// A number of the configuration makes no sense.
+    #[error("{name} is {value}; it has to be {accepted}")]
+    Config {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be accepted.
+        accepted: &'static str,
+    },
     /// The volume's settings contradict each other.
     #[error("the map cannot be set up: {0}")]
     Volume(#[from] volumetric_map::ConfigError),

@@ -94,6 +94,7 @@ impl Mission {
         start: Stamp,
         world_from_body: &Isometry3<f64>,
     ) -> Result<Mission, MissionError> {
+        config.validate()?;
         let instruction = parse_instruction(instruction);
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
@@ -175,7 +176,7 @@ impl Mission {
         self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
     }
 
-    /// What to command a robot that has no time for a cycle: hold.
+    /// What to command before the first cycle: nothing that moves.
     pub fn idle(&mut self) -> Command {
         self.body.idle()
     }
