@@ -8,6 +8,7 @@ pub mod body;
 pub mod chart;
 pub mod cli;
 pub mod drift;
+pub mod estimate_frame;
 pub mod floor;
 pub mod map_picture;
 pub mod options;

@@ -20,7 +20,6 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
-use crate::drift::DriftConfig;
 use crate::options::{LidarMount, Options, Pose};
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
@@ -64,7 +63,7 @@ impl Default for RunConfig {
     fn default() -> Self {
         Self {
             mission: MissionConfig::default(),
-            simulation: SimulationConfig { drift: DriftConfig::default(), ..SimulationConfig::default() },
+            simulation: SimulationConfig::default(),
             max_time_s: 600.0,
             llm: None,
             cpu_scope: CpuScope::Process,
@@ -185,6 +184,9 @@ pub fn run(
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
         command = mission.cycle(simulation.now());
+        if let Some(estimate) = mission.odometry() {
+            simulation.hear(estimate);
+        }
 
         let pose = simulation.true_pose();
         path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();

@@ -1,4 +1,4 @@
-//! The world's side of the stream: body and physics, sensors, odometry with drift. What leaves it is what a robot could know.
+//! The world's side of the stream: body and physics, sensors, and on request an odometry with a drift of a known size. What leaves it is what a robot could know.
 
 use anyhow::{Context, Result};
 use mission::omni_perception::{
@@ -18,6 +18,7 @@ use omni_sim::segmenter::SegmenterConfig;
 
 use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
+use crate::estimate_frame::EstimateFrame;
 use crate::scenario::Scene;
 
 /// Settings of the world.
@@ -33,8 +34,8 @@ pub struct SimulationConfig {
     pub panorama: PanoramaConfig,
     /// What the segmenter gets wrong.
     pub segmenter: SegmenterConfig,
-    /// What the odometry gets wrong.
-    pub drift: DriftConfig,
+    /// Instead of the robot's own odometry: true poses that drift by so much, in the stream.
+    pub drift: Option<DriftConfig>,
     /// The LiDAR's motor stands still.
     pub is_lidar_fixed: bool,
 }
@@ -60,7 +61,9 @@ pub struct Simulation<'a> {
     body: SimulatedBody,
     mount: RotatingMount,
     imu: Imu,
-    odometry: DriftingOdometry,
+    drifting: Option<DriftingOdometry>,
+    /// What the flight controller believes.
+    believed: EstimateFrame,
     body_from_camera: Isometry3<f64>,
     now_ns: i64,
     steps: u64,
@@ -94,7 +97,8 @@ impl<'a> Simulation<'a> {
         Ok(Simulation {
             body: SimulatedBody::new(robot, &scene.world, start)?,
             imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
-            odometry: DriftingOdometry::new(config.drift, seed, start, start_in_map),
+            drifting: config.drift.map(|drift| DriftingOdometry::new(drift, seed, start, start_in_map)),
+            believed: EstimateFrame::at_start(start, start_in_map),
             body_from_camera: robot.sensors.body_from_camera,
             mount,
             scene,
@@ -149,10 +153,16 @@ impl<'a> Simulation<'a> {
         &self.touches
     }
 
+    /// The newest estimate of the robot's own odometry, for its flight controller.
+    pub fn hear(&mut self, estimate: &OdometryEstimate) {
+        self.believed = EstimateFrame::of(estimate, &self.body.state());
+    }
+
     /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery; what it
     /// costs goes to `clock`.
     pub fn advance(&mut self, command: &Command, step_ns: i64, clock: &mut StageClock) -> Result<Vec<SensorEvent>> {
         let mut events = Vec::new();
+        self.body.hear(command, self.now_ns);
         let end_ns = self.now_ns + step_ns;
         while self.now_ns < end_ns {
             clock.time("sim physics", || self.tick(command, &mut events))?;
@@ -172,7 +182,7 @@ impl<'a> Simulation<'a> {
 
     /// Body, contacts, IMU, encoder and odometry for one tick.
     fn tick(&mut self, command: &Command, events: &mut Vec<SensorEvent>) -> Result<()> {
-        self.body.advance(command, self.now_ns, TICK_NS, &self.odometry)?;
+        self.body.advance(command, self.now_ns, TICK_NS, &self.believed)?;
         self.now_ns += TICK_NS;
         for touch in self.body.take_touches() {
             let what = match touch.instance {
@@ -195,9 +205,13 @@ impl<'a> Simulation<'a> {
             angular_velocity_radps: sample.angular_velocity_radps,
             specific_force_mps2: sample.specific_force_mps2,
         }));
-        let state = self.body.state();
-        self.odometry.advance(&state.world_from_body);
-        events.push(SensorEvent::Odometry(estimate(&self.odometry, &state, self.now_ns)));
+        if let Some(drifting) = &mut self.drifting {
+            let state = self.body.state();
+            drifting.advance(&state.world_from_body);
+            let estimate = estimate(drifting, &state, self.now_ns);
+            self.believed = EstimateFrame::of(&estimate, &state);
+            events.push(SensorEvent::Odometry(estimate));
+        }
         Ok(())
     }
 
@@ -228,8 +242,8 @@ impl<'a> Simulation<'a> {
     }
 }
 
-/// The odometry's view of a state.
-pub fn estimate(odometry: &DriftingOdometry, state: &KinematicState, now_ns: i64) -> OdometryEstimate {
+/// The drifting odometry's view of a state.
+fn estimate(odometry: &DriftingOdometry, state: &KinematicState, now_ns: i64) -> OdometryEstimate {
     OdometryEstimate {
         stamp: Stamp(now_ns),
         world_from_body: odometry.estimate_from_body(),

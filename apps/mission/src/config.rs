@@ -5,12 +5,15 @@ use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
 use crate::error::MissionError;
+use crate::localiser::OdometrySource;
 use crate::rooms::RoomConfig;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
 /// [`RobotModel`](robot_model::RobotModel), not from here.
 #[derive(Debug, Clone)]
 pub struct MissionConfig {
+    /// Who says where the robot is.
+    pub odometry: OdometrySource,
     /// Volume of the map; voxels of 5 cm, because doors of 1.0 m must stay open for a robot of 0.75 m.
     pub volume: VolumeConfig,
     /// Rooms.
@@ -58,6 +61,7 @@ pub struct MissionConfig {
 impl Default for MissionConfig {
     fn default() -> Self {
         Self {
+            odometry: OdometrySource::LidarInertial(Box::default()),
             volume: VolumeConfig::default(),
             rooms: RoomConfig::default(),
             coverage: CoverageConfig::default(),

@@ -24,6 +24,9 @@ pub enum MissionError {
     /// The robot's limits or footprint make no sense for driving.
     #[error("this robot cannot be driven: {0}")]
     Drive(#[from] planner::LocalPolicyError),
+    /// The odometry's settings contradict each other.
+    #[error("the odometry cannot be set up: {0}")]
+    Odometry(#[from] omni_perception::LioConfigError),
     /// There is nothing to do in the instruction.
     #[error(
         "the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\""

@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
-use omni_perception::{Equirectangular, Stamp};
+use omni_perception::{Equirectangular, OdometryEstimate, Stamp};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
@@ -10,6 +10,7 @@ use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
+use crate::localiser::{Localiser, OdometrySource};
 use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -48,6 +49,8 @@ pub struct Mission {
     pub instruction: Instruction,
     /// What is known.
     pub world: WorldModel,
+    /// Its own odometry, unless somebody else's is in the stream.
+    pub(crate) localiser: Option<Localiser>,
     /// What happened.
     pub journal: Journal,
     /// Steps said to be done, in order.
@@ -99,9 +102,14 @@ impl Mission {
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
         }
+        let localiser = match &config.odometry {
+            OdometrySource::LidarInertial(lio) => Some(Localiser::new(lio, robot, world_from_body)?),
+            OdometrySource::Stream => None,
+        };
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
         Ok(Mission {
             world: WorldModel::new(robot, &config, camera, floor_m)?,
+            localiser,
             body: Body::new(robot, &config, floor_m)?,
             robot: robot.clone(),
             instruction: instruction.clone(),
@@ -128,6 +136,11 @@ impl Mission {
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
             config,
         })
+    }
+
+    /// The newest estimate of its own odometry, in the odometry's frame: for a flight controller that has no eyes of its own.
+    pub fn odometry(&self) -> Option<&OdometryEstimate> {
+        self.localiser.as_ref().and_then(Localiser::newest)
     }
 
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.

@@ -220,7 +220,7 @@ impl WorldModel {
 
     fn take(&mut self, event: SensorEvent, clock: &mut StageClock) {
         match event {
-            SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
+            SensorEvent::Imu(_) => {} // only the odometry needs it
             SensorEvent::Encoder(sample) => {
                 if self.encoder.push(sample).is_err() {
                     self.ignored.samples += 1;
