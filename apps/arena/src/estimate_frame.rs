@@ -69,10 +69,7 @@ mod tests {
         };
         let said = OdometryEstimate {
             velocity_in_world_mps: Vector3::new(0.2, 0.9, 0.0),
-            ..OdometryEstimate::at_rest(
-                Stamp(7),
-                Isometry3::from_parts(Vector3::new(0.1, 0.0, 0.3).into(), turn(1.4)),
-            )
+            ..OdometryEstimate::at_rest(Stamp(7), Isometry3::from_parts(Vector3::new(0.1, 0.0, 0.3).into(), turn(1.4)))
         };
         let believed = EstimateFrame::of(&said, &truth).estimate(&truth, Stamp(7));
         assert!((believed.world_from_body.translation.vector - said.world_from_body.translation.vector).norm() < 1e-12);

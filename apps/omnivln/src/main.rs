@@ -28,12 +28,15 @@ enum Command {
 enum BenchCommand {
     /// Many buildings and instructions, drawn from a seed, with the referee's verdicts
     Nav(bench::NavOptions),
+    /// The same buildings seen with a rotating and with a fixed LiDAR: objects, directions and surface known
+    Coverage(bench::CoverageOptions),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
+        Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
     };
     match result {
         Ok(code) => code,
