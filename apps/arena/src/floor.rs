@@ -110,17 +110,6 @@ impl TrueFloor {
         self.clearance_m.is_empty()
     }
 
-    /// The cells that one of the sixteen directions leads to.
-    pub fn neighbours_of(&self, cell: usize) -> impl Iterator<Item = usize> {
-        let (width, height) = (self.width as i64, self.height as i64);
-        let (ix, iy) = (cell as i64 % width, cell as i64 / width);
-        DIRECTIONS
-            .iter()
-            .map(move |(dx, dy)| (ix + dx, iy + dy))
-            .filter(move |(x, y)| (0..width).contains(x) && (0..height).contains(y))
-            .map(move |(x, y)| (y * width + x) as usize)
-    }
-
     /// Length of the shortest way from `start` to every cell over cells with at least `radius_m` of clearance, infinite
     /// where there is none. Sixteen directions: at most 2.7 % longer than the straight way.
     pub fn distances_from(&self, starts: &[usize], radius_m: f64) -> Vec<f64> {
@@ -134,11 +123,17 @@ impl TrueFloor {
             if here_m > distance_m[cell] {
                 continue;
             }
-            for next in self.neighbours_of(cell) {
+            let (ix, iy) = ((cell % self.width) as i64, (cell / self.width) as i64);
+            for (dx, dy) in DIRECTIONS {
+                let (x, y) = (ix + dx, iy + dy);
+                if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
+                    continue;
+                }
+                let next = y as usize * self.width + x as usize;
                 if self.clearance_m(next) < radius_m {
                     continue;
                 }
-                let there_m = here_m + (self.center_of(next) - self.center_of(cell)).norm();
+                let there_m = here_m + CELL_M * ((dx * dx + dy * dy) as f64).sqrt();
                 if there_m < distance_m[next] {
                     distance_m[next] = there_m;
                     queue.push(Visit { distance_m: there_m, cell: next });
