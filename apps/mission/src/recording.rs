@@ -6,6 +6,7 @@
 //! whoever reads it counts the losses.
 
 pub mod npz;
+pub mod rosbag;
 pub mod sequence_folder;
 
 use std::io;
@@ -16,6 +17,7 @@ use omni_perception::RotatingMount;
 use thiserror::Error;
 
 use crate::recording::npz::NpzError;
+use crate::recording::rosbag::error::BagError;
 use crate::stream::SensorEvent;
 
 /// Sensors of one robot over some time.
@@ -90,6 +92,9 @@ pub enum RecordingError {
         /// Why.
         source: NpzError,
     },
+    /// A bag, or one message of it.
+    #[error(transparent)]
+    Bag(#[from] BagError),
 }
 
 /// Opens whatever lies at `path`.
@@ -99,6 +104,9 @@ pub enum RecordingError {
 pub fn open(path: &Path) -> Result<Recording, RecordingError> {
     if path.join("meta.json").is_file() {
         return sequence_folder::open(path);
+    }
+    if rosbag::is_bag(path) {
+        return rosbag::open(path);
     }
     Err(RecordingError::UnknownFormat { path: path.to_owned() })
 }
