@@ -20,21 +20,26 @@ impl RunFolder {
     /// Prepares to write `target`. An existing run folder will be replaced; any other non-empty folder is refused now,
     /// before the robot has moved.
     pub fn new(target: &Path) -> Result<RunFolder> {
+        RunFolder::marked(target, MARK, "run folder")
+    }
+
+    /// The same for a folder of another kind, which a file called `mark` tells from all others.
+    pub fn marked(target: &Path, mark: &str, kind: &str) -> Result<RunFolder> {
         if target.file_name().is_none() {
-            bail!("{} is no name for a run folder; --out needs a folder of its own", target.display());
+            bail!("{} is no name for a {kind}; --out needs a folder of its own", target.display());
         }
         if target.is_file() {
             bail!(
-                "{} is a file; --out needs a folder that does not exist yet or holds an earlier run",
+                "{} is a file; --out needs a folder that does not exist yet or holds an earlier {kind}",
                 target.display()
             );
         }
         if target.is_dir() {
             let is_empty =
                 fs::read_dir(target).with_context(|| format!("reading {}", target.display()))?.next().is_none();
-            if !is_empty && !target.join(MARK).is_file() {
+            if !is_empty && !target.join(mark).is_file() {
                 bail!(
-                    "{} exists and is no run folder (it has no {MARK}); choose another --out, nothing was changed",
+                    "{} exists and is no {kind} (it has no {mark}); choose another --out, nothing was changed",
                     target.display()
                 );
             }

@@ -355,8 +355,11 @@ fn read_scan(
 ) -> Result<(), BagError> {
     let cloud = decode::<PointCloud2<'_>>(message.payload).map_err(payload_error(message))?;
     let (topic, stamp) = (&message.channel.topic, cloud.header.stamp.stamp());
-    let (scan, count) = point_cloud::scan_of(&cloud, chosen.times.as_ref())
-        .map_err(|fault| BagError::Cloud { topic: topic.clone(), stamp, fault })?;
+    let (scan, count) = point_cloud::scan_of(&cloud, chosen.times.as_ref()).map_err(|fault| BagError::Cloud {
+        topic: topic.clone(),
+        stamp,
+        fault,
+    })?;
     if count > 0 {
         sorter.take(Err(BagError::PointsWithoutTime { topic: topic.clone(), stamp: scan.start, count }.into()));
     }

@@ -80,7 +80,9 @@ pub enum BagError {
         period_s: Option<f64>,
     },
     /// The times belong neither to the header's stamp nor to its clock.
-    #[error("the field {field} of the points on {topic} runs from {min_s} s to {max_s} s while the header says {header_s} s; accepted are times since the header's stamp (within 2 s of zero) or of the header's clock (within 2 s of its stamp)")]
+    #[error(
+        "the field {field} of the points on {topic} runs from {min_s} s to {max_s} s while the header says {header_s} s; accepted are times since the header's stamp (within 2 s of zero) or of the header's clock (within 2 s of its stamp)"
+    )]
     TimeReference {
         /// The topic.
         topic: String,
@@ -104,7 +106,9 @@ pub enum BagError {
         known: Vec<String>,
     },
     /// The transforms go round in a circle, or one holds no rotation.
-    #[error("/tf_static is unsound at frame \"{frame}\": a frame needs one parent, no circle, and a quaternion of length 1")]
+    #[error(
+        "/tf_static is unsound at frame \"{frame}\": a frame needs one parent, no circle, and a quaternion of length 1"
+    )]
     BadTransform {
         /// The frame.
         frame: String,
@@ -136,7 +140,9 @@ pub enum BagError {
         fault: CloudFault,
     },
     /// Some points of a scan have no usable time and were left out of it.
-    #[error("{count} points of the scan at {stamp} on {topic} have a time that is not finite or not within 2 s of the scan")]
+    #[error(
+        "{count} points of the scan at {stamp} on {topic} have a time that is not finite or not within 2 s of the scan"
+    )]
     PointsWithoutTime {
         /// The topic.
         topic: String,
@@ -168,7 +174,9 @@ pub enum BagError {
         next: Stamp,
     },
     /// The clock was set back for good. Nothing after it can be joined to what was before: the stream ends.
-    #[error("the clock of {topic} was set back from {last} to {stamp}; one trajectory cannot hold both: cut the bag there")]
+    #[error(
+        "the clock of {topic} was set back from {last} to {stamp}; one trajectory cannot hold both: cut the bag there"
+    )]
     ClockReset {
         /// The topic.
         topic: String,

@@ -214,8 +214,9 @@ mod tests {
 
     #[test]
     fn any_layout_gives_the_same_scan() {
-        let data = [point(3, 40_000, [1.0, 2.0, 3.0]), point(200, 0, [f64::NAN, 0.0, 0.0]), point(1, 4_000_000_000, [0.0; 3])]
-            .concat();
+        let data =
+            [point(3, 40_000, [1.0, 2.0, 3.0]), point(200, 0, [f64::NAN, 0.0, 0.0]), point(1, 4_000_000_000, [0.0; 3])]
+                .concat();
         let cloud = cloud(&data, 3);
         assert_eq!(time_field(&cloud).as_deref(), Some("t"));
         assert_eq!(range_of(&cloud, "t"), Ok(Some((40_000.0, 4e9))), "the NaN point's time does not count");
@@ -228,8 +229,11 @@ mod tests {
 
     #[test]
     fn a_stamp_at_the_end_gives_a_start_before_it() {
-        let seconds: Vec<u8> =
-            [[1.0_f32, 0.0, 0.0, -0.1], [2.0, 0.0, 0.0, 0.0]].as_flattened().iter().flat_map(|v| v.to_be_bytes()).collect();
+        let seconds: Vec<u8> = [[1.0_f32, 0.0, 0.0, -0.1], [2.0, 0.0, 0.0, 0.0]]
+            .as_flattened()
+            .iter()
+            .flat_map(|v| v.to_be_bytes())
+            .collect();
         let cloud = PointCloud2 {
             header: Header { stamp: Time { sec: 5, nanosec: 0 }, ..Header::default() },
             height: 2,

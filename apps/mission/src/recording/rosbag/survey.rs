@@ -3,15 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::BagOptions;
 use super::error::BagError;
 use super::frames::StaticFrames;
 use super::mcap_stream::{McapStream, Message};
 use super::point_cloud::{range_of, time_field};
 use super::point_times::{PointTimes, ScanTimes};
-use super::ros_messages::{
-    CompressedImage, Header, Imu, JointState, PointCloud2, RosMessage, TfMessage, decode,
-};
-use super::BagOptions;
+use super::ros_messages::{CompressedImage, Header, Imu, JointState, PointCloud2, RosMessage, TfMessage, decode};
 
 /// Scans of a topic that decide about its times.
 const SCANS: usize = 5;
@@ -204,8 +202,7 @@ impl Survey {
     }
 
     fn encoder(&self, bag: &Path, options: &BagOptions) -> Result<(String, String, String), BagError> {
-        let topic =
-            self.only(bag, JointState::TYPE, options.encoder_topic.as_deref(), self.joints.keys().collect())?;
+        let topic = self.only(bag, JointState::TYPE, options.encoder_topic.as_deref(), self.joints.keys().collect())?;
         let joints = &self.joints[&topic];
         let named: Vec<&String> = joints
             .names
