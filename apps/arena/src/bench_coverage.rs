@@ -131,11 +131,13 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<(Cove
     let radius_m = body.radius_m;
     let referee = Referee::new(&scene.building, &scene.world, body, 0);
     let start = draw_start(&referee, robot, seed)?;
-    let tour = Tour::through_rooms(&scene.building, referee.floor(), &start.translation.vector.xy().into(), radius_m)?;
+    let tour = Tour::plan(referee.floor(), &scene.building, radius_m, &start.translation.vector.xy().into())
+        .context("this robot fits nowhere in the building")?;
     let mut directions = Directions::new(robot);
     let mut first_known: Vec<Option<f64>> = vec![None; scene.building.objects.len()];
     let mut truth_from_map = Isometry3::identity();
-    let world = survey(config, robot, &scene, &start, &tour, seed, &mut |now_s, moment| match moment {
+    let floor_z_m = referee.floor().floor_z_m;
+    let world = survey(config, robot, &scene, &start, &tour, floor_z_m, seed, &mut |now_s, moment| match moment {
         Moment::Scan(scan) => directions.see(scan),
         Moment::Refreshed(world, frame) => {
             truth_from_map = frame;
@@ -159,7 +161,7 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<(Cove
         known_after_s: median(first_known.into_iter().flatten().collect()),
         objects: right,
     };
-    Ok((coverage, tour.length_m()))
+    Ok((coverage, tour.length_m))
 }
 
 /// For each true object the confirmed object of the graph that is it: same class, near enough, nearest pairs first.
@@ -245,7 +247,7 @@ fn visible_surface(scene: &Scene, tour: &Tour, eye_z_m: f64) -> Vec<Point3<f64>>
     const EYE_EVERY: usize = 10;
     const RANGE_M: f64 = 10.0;
     let eyes: Vec<Point3<f64>> =
-        tour.points.iter().step_by(EYE_EVERY).map(|point| Point3::new(point.x, point.y, eye_z_m)).collect();
+        tour.way.iter().step_by(EYE_EVERY).map(|point| Point3::new(point.x, point.y, eye_z_m)).collect();
     let mut points = Vec::new();
     for face in &scene.building.mesh.faces {
         let [a, b, c] = face.map(|index| scene.building.mesh.vertices[index as usize].cast::<f64>());

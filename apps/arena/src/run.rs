@@ -288,7 +288,7 @@ pub fn run(
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
-pub fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
+pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
     let mut fixed = robot.clone();
     fixed.sensors.lidar.rotation_hz = 0.0;
     fixed.sensors.lidar.tilt_rad = 0.0;

@@ -14,6 +14,9 @@ const MARK: &str = "summary.json";
 pub struct RunFolder {
     target: PathBuf,
     staging: PathBuf,
+    /// The file that tells a folder of its kind.
+    mark: String,
+    kind: String,
     /// The run is complete: whatever happens to the move, what was written stays.
     is_complete: bool,
 }
@@ -22,10 +25,15 @@ impl RunFolder {
     /// Prepares to write `target`. An existing run folder will be replaced; any other non-empty folder is refused now,
     /// before the robot has moved.
     pub fn new(target: &Path) -> Result<RunFolder> {
+        RunFolder::marked(target, MARK, "run folder")
+    }
+
+    /// The same for a folder of another kind, which a file called `mark` tells from all others.
+    pub fn marked(target: &Path, mark: &str, kind: &str) -> Result<RunFolder> {
         if target.file_name().is_none() {
-            bail!("{} is no name for a run folder; --out needs a folder of its own", target.display());
+            bail!("{} is no name for a {kind}; --out needs a folder of its own", target.display());
         }
-        refuse_foreign(target)?;
+        refuse_foreign(target, mark, kind)?;
         let name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_else(|| "run".into());
         let parent = parent_of(target);
         fs::create_dir_all(parent).with_context(|| format!("creating {}", parent.display()))?;
@@ -34,7 +42,8 @@ impl RunFolder {
             fs::remove_dir_all(&staging).with_context(|| format!("removing {}", staging.display()))?;
         }
         fs::create_dir_all(&staging).with_context(|| format!("creating {}", staging.display()))?;
-        Ok(RunFolder { target: target.to_path_buf(), staging, is_complete: false })
+        let (mark, kind) = (mark.to_owned(), kind.to_owned());
+        Ok(RunFolder { target: target.to_path_buf(), staging, mark, kind, is_complete: false })
     }
 
     /// Where to write.
@@ -64,7 +73,7 @@ impl RunFolder {
     fn move_to_target(&self) -> Result<()> {
         let context = || format!("moving the run to {}", self.target.display());
         // Somebody may have put something there while the robot drove.
-        refuse_foreign(&self.target)?;
+        refuse_foreign(&self.target, &self.mark, &self.kind)?;
         sync_tree(&self.staging).with_context(context)?;
         let old = self.staging.with_extension("old");
         let had_old = self.target.exists();
@@ -99,15 +108,18 @@ impl Drop for RunFolder {
 }
 
 /// Nothing, an empty folder, or an earlier run may be replaced.
-fn refuse_foreign(target: &Path) -> Result<()> {
+fn refuse_foreign(target: &Path, mark: &str, kind: &str) -> Result<()> {
     if target.is_file() {
-        bail!("{} is a file; --out needs a folder that does not exist yet or holds an earlier run", target.display());
+        bail!(
+            "{} is a file; --out needs a folder that does not exist yet or holds an earlier {kind}",
+            target.display()
+        );
     }
     if target.is_dir() {
         let is_empty = fs::read_dir(target).with_context(|| format!("reading {}", target.display()))?.next().is_none();
-        if !is_empty && !target.join(MARK).is_file() {
+        if !is_empty && !target.join(mark).is_file() {
             bail!(
-                "{} exists and is no run folder (it has no {MARK}); choose another --out, nothing was changed",
+                "{} exists and is no {kind} (it has no {mark}); choose another --out, nothing was changed",
                 target.display()
             );
         }

@@ -14,6 +14,7 @@ use omni_sim::imu::{Imu, ImuConfig};
 use omni_sim::lidar::{LidarConfig, RotatingMount, scan};
 use omni_sim::motion::KinematicState;
 use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
+use omni_sim::render::render;
 use omni_sim::segmenter::SegmenterConfig;
 
 use crate::body::SimulatedBody;
@@ -123,6 +124,11 @@ impl<'a> Simulation<'a> {
         }
     }
 
+    /// Time from one scan's start to the next one's.
+    pub fn scan_period_ns(&self) -> i64 {
+        self.config.lidar.period_ns()
+    }
+
     /// Words that the segmenter should look for.
     pub fn set_phrases(&mut self, phrases: Vec<String>) {
         self.config.segmenter.phrases = phrases;
@@ -146,6 +152,18 @@ impl<'a> Simulation<'a> {
     /// Where the robot truly is.
     pub fn true_pose(&self) -> Isometry3<f64> {
         self.body.state().world_from_body
+    }
+
+    /// Where the robot truly was at a time of the last second.
+    pub fn true_pose_at(&self, stamp: Stamp) -> Isometry3<f64> {
+        self.body.motion().at(stamp.0).world_from_body
+    }
+
+    /// Which thing truly is in each pixel of a panorama of the last second: column by column, 0 for the structure.
+    pub fn true_instances_at(&self, stamp: Stamp) -> Vec<u32> {
+        let world_from_camera = self.true_pose_at(stamp) * self.body_from_camera;
+        let camera = &self.config.panorama;
+        render(&self.scene.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
     }
 
     /// Every touch so far.

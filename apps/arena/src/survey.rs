@@ -11,10 +11,11 @@ use mission::stream::SensorEvent;
 use mission::world_model::WorldModel;
 use nalgebra::Isometry3;
 
+use crate::pilot::{Pilot, PilotConfig};
 use crate::run::RunConfig;
 use crate::scenario::Scene;
 use crate::simulation::Simulation;
-use crate::tour::{Pilot, Tour};
+use crate::tour::Tour;
 
 /// What an observer of a survey sees.
 pub enum Moment<'a> {
@@ -26,23 +27,22 @@ pub enum Moment<'a> {
 
 /// Control period.
 const STEP_NS: i64 = 20_000_000;
-/// Standing still before and after.
-const STAND_S: f64 = 2.0;
 
 /// Drives `robot` along `tour` from `start`, and tells `observe` what happens and when. Returns what is known at the end.
 ///
 /// # Errors
 /// What the simulator or the setting up of the robot's side says.
+#[allow(clippy::too_many_arguments)] // one for each thing that decides the survey
 pub fn survey(
     config: &RunConfig,
     robot: &RobotModel,
     scene: &Scene,
     start: &Isometry3<f64>,
     tour: &Tour,
+    floor_z_m: f64,
     seed: u64,
     observe: &mut dyn FnMut(f64, Moment),
 ) -> Result<WorldModel> {
-    const SPEED_MPS: f64 = 0.7;
     let start_in_map = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
     let mut clock = StageClock::new(config.cpu_scope);
@@ -51,15 +51,12 @@ pub fn survey(
         OdometrySource::LidarInertial(lio) => Some(Localiser::new(lio, robot, &start_in_map)?),
         OdometrySource::Stream => None,
     };
-    let mut pilot = Pilot::new(tour, SPEED_MPS.min(robot.limits.max_speed_mps), 0.5 * robot.limits.max_yaw_rate_radps);
-    let (mut next_refresh_s, mut end_s) = (0.0, f64::INFINITY);
-    while simulation.seconds() < end_s {
+    let pilot_config = PilotConfig { flight_height_m: config.mission.flight_height_m, ..PilotConfig::default() };
+    let mut pilot = Pilot::new(pilot_config, robot, tour.way.clone(), start, floor_z_m);
+    let mut next_refresh_s = 0.0;
+    while !pilot.is_over(simulation.seconds()) {
         let now_s = simulation.seconds();
-        let standing = now_s < STAND_S;
-        let command = if standing { still() } else { pilot.command(&simulation.true_pose()) };
-        if pilot.is_done() && end_s.is_infinite() {
-            end_s = now_s + STAND_S;
-        }
+        let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &simulation.true_pose());
         for event in simulation.advance(&command, STEP_NS, &mut clock)? {
             if let SensorEvent::Scan(scan) = &event {
                 observe(now_s, Moment::Scan(scan));
@@ -81,8 +78,4 @@ pub fn survey(
         }
     }
     Ok(world)
-}
-
-fn still() -> mission::stream::Command {
-    mission::stream::Command::Velocity { forward_mps: 0.0, left_mps: 0.0, yaw_rate_radps: 0.0 }
 }

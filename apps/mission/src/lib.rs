@@ -31,6 +31,7 @@ pub mod navigation;
 pub mod openai;
 pub mod reach;
 pub mod reasoning;
+pub mod recording;
 pub mod relation_verifier;
 pub mod rooms;
 pub mod snapshot;

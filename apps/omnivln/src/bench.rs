@@ -13,11 +13,20 @@ use clap::{Args, ValueEnum};
 
 /// Which robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Robot {
+pub enum Robot {
     /// The quadruped.
     Ground,
     /// The quadrotor.
     Aerial,
+}
+
+impl From<Robot> for RobotKind {
+    fn from(robot: Robot) -> RobotKind {
+        match robot {
+            Robot::Ground => RobotKind::Ground,
+            Robot::Aerial => RobotKind::Aerial,
+        }
+    }
 }
 
 /// Options of `bench nav`.
@@ -57,10 +66,7 @@ pub struct NavOptions {
 
 /// Runs the bench and prints its table or its JSON.
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
-    let kind = match options.robot {
-        Robot::Ground => RobotKind::Ground,
-        Robot::Aerial => RobotKind::Aerial,
-    };
+    let kind = RobotKind::from(options.robot);
     anyhow::ensure!(options.scenes > 0, "--scenes must be at least 1");
     anyhow::ensure!(
         options.noise.is_finite() && options.noise >= 0.0,
