@@ -84,7 +84,11 @@ pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed}
 pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
-pub use odometry::{OdometryEstimate, TrackingStatus};
+pub use odometry::config::{LioConfig, LioConfigError};
+pub use odometry::inertial::ImuFault;
+pub use odometry::report::{ScanFault, ScanReport};
+pub use odometry::voxel_map::{MapFileError, VoxelMap};
+pub use odometry::{LidarInertialOdometry, OdometryEstimate, TrackingStatus};
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
