@@ -110,3 +110,16 @@ pub fn open(path: &Path) -> Result<Recording, RecordingError> {
     }
     Err(RecordingError::UnknownFormat { path: path.to_owned() })
 }
+
+/// The same with a rig from elsewhere, for recordings that say nothing, or something wrong, about theirs.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with_rig(path: &Path, rig: RecordedRig) -> Result<Recording, RecordingError> {
+    if rosbag::is_bag(path) {
+        let options = rosbag::BagOptions { rig: Some(rig), ..rosbag::BagOptions::default() };
+        let bag = rosbag::Bag::open(path, &options)?;
+        return Ok(Recording { rig, events: Box::new(bag.events) });
+    }
+    Ok(Recording { rig, ..open(path)? })
+}

@@ -32,7 +32,7 @@ pub enum BagError {
         path: PathBuf,
     },
     /// Chunks are compressed in a way that is not supported.
-    #[error("{} is compressed with \"{compression}\"; read are zstd, lz4 and none", .path.display())]
+    #[error("{} is compressed with \"{compression}\"; only bags without compression are read: `mcap decompress IN -o OUT` makes one", .path.display())]
     Compressed {
         /// The file.
         path: PathBuf,

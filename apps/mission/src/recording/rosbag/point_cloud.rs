@@ -1,7 +1,8 @@
 //! A `PointCloud2` as a scan: any order of fields, any type of number, either byte order.
 //!
 //! Positions are passed on as they are, NaN included: whoever straightens the scan leaves such points out and counts them.
-//! Only points whose time is unusable are left out here.
+//! Only points whose time is unusable are left out here. Drivers write rays without return as points at zero or NaN, often
+//! with a time of zero: that is no time of the scan and no loss.
 
 use nalgebra::Point3;
 use omni_perception::{RawPoint, RawScan};
@@ -80,12 +81,23 @@ struct Points<'a> {
     position: [Field; 3],
 }
 
+impl Points<'_> {
+    fn position(&self, point: &[u8]) -> Point3<f32> {
+        Point3::from(self.position.map(|axis| axis.read(point, self.is_bigendian) as f32))
+    }
+}
+
+/// Whether a ray came back: its position is finite and not the sensor's own.
+fn is_return(position: &Point3<f32>) -> bool {
+    position.iter().all(|value| value.is_finite()) && position.coords != nalgebra::Vector3::zeros()
+}
+
 /// The time field of a cloud: the first name of [`TIME_FIELDS`] that it has.
 pub fn time_field(cloud: &PointCloud2<'_>) -> Option<String> {
     TIME_FIELDS.iter().find(|name| cloud.fields.iter().any(|field| field.name == **name)).map(|name| (*name).to_owned())
 }
 
-/// Smallest and largest value of a field over the points with a finite position. `None` if there is no such point.
+/// Smallest and largest value of a field over the rays that came back. `None` if there is none.
 ///
 /// # Errors
 /// [`CloudFault`] if the cloud is unsound.
@@ -95,7 +107,7 @@ pub fn range_of(cloud: &PointCloud2<'_>, name: &str) -> Result<Option<(f64, f64)
     let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
     for point in points.data.chunks_exact(points.step) {
         let value = field.read(point, points.is_bigendian);
-        if value.is_finite() && points.position.iter().all(|axis| axis.read(point, points.is_bigendian).is_finite()) {
+        if value.is_finite() && is_return(&points.position(point)) {
             (min, max) = (min.min(value), max.max(value));
         }
     }
@@ -125,14 +137,14 @@ pub fn scan_of(cloud: &PointCloud2<'_>, times: Option<&PointTimes>) -> Result<(R
             None => Some(0),
             Some((field, times)) => times.after_header_ns(field.read(point, points.is_bigendian), header),
         };
+        let position = points.position(point);
         let Some(after_header_ns) = after_header_ns else {
-            without_time += 1;
+            without_time += usize::from(is_return(&position));
             continue;
         };
         first_ns = first_ns.min(after_header_ns);
-        let [x, y, z] = points.position.map(|axis| axis.read(point, points.is_bigendian) as f32);
         let ring = ring.map_or(0, |field| field.read(point, points.is_bigendian) as u16);
-        found.push((after_header_ns, RawPoint { position: Point3::new(x, y, z), offset_ns: 0, ring }));
+        found.push((after_header_ns, RawPoint { position, offset_ns: 0, ring }));
     }
     let with_offset = |(after_header_ns, point): (i64, RawPoint)| RawPoint {
         // Both lie within two seconds of the header: the difference fits.
@@ -215,7 +227,7 @@ mod tests {
     #[test]
     fn any_layout_gives_the_same_scan() {
         let data =
-            [point(3, 40_000, [1.0, 2.0, 3.0]), point(200, 0, [f64::NAN, 0.0, 0.0]), point(1, 4_000_000_000, [0.0; 3])]
+            [point(3, 40_000, [1.0, 2.0, 3.0]), point(200, 0, [f64::NAN, 0.0, 0.0]), point(1, 4_000_000_000, [1.0; 3])]
                 .concat();
         let cloud = cloud(&data, 3);
         assert_eq!(time_field(&cloud).as_deref(), Some("t"));

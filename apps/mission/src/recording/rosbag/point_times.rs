@@ -3,7 +3,7 @@
 //! Drivers disagree about the name of the field, its unit, its type, and what its zero is (the header's stamp or 1970), and
 //! the message says none of it. But a sweep lasts between [`SHORTEST_S`] and [`LONGEST_S`], and these are a factor of a
 //! thousand apart, as the units are: at most one unit makes a sweep of a span. The decision is taken once, from the first
-//! scans together (a scan that is cut short would mislead), and holds for the whole recording.
+//! scans together (one that is cut short or holds a wild value would mislead), and holds for the whole recording.
 
 use super::error::BagError;
 use super::ros_messages::Time;
@@ -85,7 +85,7 @@ impl PointTimes {
     /// # Errors
     /// [`BagError::TimeSpan`] if no unit makes sweeps of the spans, [`BagError::TimeReference`] if the zero is unclear.
     pub fn decide(topic: &str, field: &str, scans: &[ScanTimes]) -> Result<PointTimes, BagError> {
-        let span = scans.iter().map(|scan| scan.max - scan.min).fold(0.0, f64::max);
+        let span = median(scans.iter().map(|scan| scan.max - scan.min).collect()).unwrap_or(0.0);
         let period_s = median_period_s(scans);
         let is_sweep = |unit: &TimeUnit| {
             let sweep_s = span * unit.nanoseconds() * 1e-9;
@@ -100,7 +100,7 @@ impl PointTimes {
             let is_near = |scan: &ScanTimes| {
                 [scan.min, scan.max].iter().all(|value| times.after_header_ns(*value, scan.header).is_some())
             };
-            if scans.iter().all(is_near) {
+            if 2 * scans.iter().filter(|scan| is_near(scan)).count() > scans.len() {
                 return Ok(times);
             }
         }
@@ -134,11 +134,14 @@ impl PointTimes {
 
 /// Median time between the headers of consecutive scans; `None` for one scan or headers that do not advance.
 fn median_period_s(scans: &[ScanTimes]) -> Option<f64> {
-    let mut periods: Vec<f64> =
-        scans.windows(2).map(|pair| pair[1].header.stamp().seconds_since(pair[0].header.stamp())).collect();
-    periods.sort_by(f64::total_cmp);
-    let median = *periods.get(periods.len() / 2)?;
-    (median > 0.0).then_some(median)
+    let period_s = |pair: &[ScanTimes]| pair[1].header.stamp().seconds_since(pair[0].header.stamp());
+    median(scans.windows(2).map(period_s).collect()).filter(|period_s| *period_s > 0.0)
+}
+
+/// The middle one, of an even number the lower; `None` of none.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len().checked_sub(1)? / 2).copied()
 }
 
 #[cfg(test)]

@@ -180,10 +180,11 @@ impl Survey {
                 return Err(BagError::NoTimeField { topic: points, fields: cloud.fields.clone() });
             }
         };
-        let encoder = match self.frames.pose(body, &cloud.frame)? {
-            None if has_joints => Some(self.encoder(bag, options)?),
-            _ => None,
+        let is_turning = match options.rig {
+            Some(rig) => rig.is_rotating,
+            None => has_joints && self.frames.pose(body, &cloud.frame)?.is_none(),
         };
+        let encoder = if is_turning { Some(self.encoder(bag, options)?) } else { None };
         let image = match (&options.image_topic, self.images.len()) {
             (Some(topic), _) => self.images.get_key_value(topic),
             (None, 1) => self.images.first_key_value(),
