@@ -309,7 +309,8 @@ fn a_dataset_goes_on_where_it_stopped_and_leaves_other_folders_alone() {
     let folder = root.path().join("dataset");
     let stop = Arc::new(AtomicBool::new(false));
     let mut made = Vec::new();
-    let mut run = |count: usize| make_dataset(&folder, count, 1, &small(0.3), &stop, &mut |number, _, _| made.push(number));
+    let mut run =
+        |count: usize| make_dataset(&folder, count, 1, &small(0.3), &stop, &mut |number, _, _| made.push(number));
     let first = run(1).unwrap();
     let second = run(2).unwrap();
     made.dedup();

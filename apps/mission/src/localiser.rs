@@ -3,8 +3,8 @@
 //! What the sensors said goes in; the same comes out with an estimate after every IMU sample. The robot is switched on while
 //! it stands: until the filter knows which way is down, everything is held back, and then let go with the pose it stood in.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use omni_perception::{LidarInertialOdometry, LioConfig, OdometryEstimate, RotatingMount, TrackingStatus};
+use nalgebra::{Isometry3, Vector3};
+use omni_perception::{LidarInertialOdometry, LioConfig, OdometryEstimate, RotatingMount, TrackingStatus, VoxelMap};
 use robot_model::RobotModel;
 
 use crate::error::MissionError;
@@ -32,10 +32,7 @@ pub struct Refused {
 /// The filter and what waits for it.
 pub struct Localiser {
     lio: LidarInertialOdometry,
-    /// Where the robot stood when it was switched on, in the frame that its estimates shall have.
-    start: Isometry3<f64>,
-    /// Once the filter is level: its frame in that one.
-    frame_from_lio: Option<Isometry3<f64>>,
+    /// What the sensors said until the filter was level.
     held: Vec<SensorEvent>,
     newest: Option<OdometryEstimate>,
     /// What was refused.
@@ -43,7 +40,7 @@ pub struct Localiser {
 }
 
 impl Localiser {
-    /// For a robot that stands at `start`.
+    /// For a robot that stands at `start` in the frame that its estimates shall have.
     ///
     /// # Errors
     /// [`MissionError::Odometry`] if the configuration makes no sense.
@@ -52,14 +49,11 @@ impl Localiser {
             body_from_stator: robot.sensors.body_from_lidar_stator,
             rotor_from_sensor: robot.sensors.rotor_from_sensor,
         };
-        Ok(Localiser {
-            lio: LidarInertialOdometry::new(config.clone(), mount, robot.sensors.body_from_imu)?,
-            start: *start,
-            frame_from_lio: None,
-            held: Vec::new(),
-            newest: None,
-            refused: Refused::default(),
-        })
+        let lio = {
+            let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.range_sigma_m);
+            LidarInertialOdometry::with_map(config.clone(), mount, robot.sensors.body_from_imu, map, Some(*start))?
+        };
+        Ok(Localiser { lio, held: Vec::new(), newest: None, refused: Refused::default() })
     }
 
     /// The newest estimate, for a flight controller that has no eyes of its own.
@@ -85,23 +79,17 @@ impl Localiser {
             SensorEvent::Panorama(_) => {}
         }
         let estimate = self.lio.estimate();
-        let Some(frame_from_lio) = self.frame_from_lio else {
+        if self.newest.is_none() {
             self.held.push(event);
             if estimate.status == TrackingStatus::Initialising {
                 return Vec::new();
             }
-            self.frame_from_lio = Some(level_frame(&self.start, &estimate.world_from_body));
-            let standing = self.in_frame(&estimate);
-            return std::mem::take(&mut self.held).into_iter().flat_map(|event| with_pose(event, &standing)).collect();
-        };
+            self.newest = Some(estimate);
+            return std::mem::take(&mut self.held).into_iter().flat_map(|event| with_pose(event, &estimate)).collect();
+        }
         let SensorEvent::Imu(_) = event else { return vec![event] };
-        let estimate = in_frame(&frame_from_lio, &estimate);
         self.newest = Some(estimate);
         vec![event, SensorEvent::Odometry(estimate)]
-    }
-
-    fn in_frame(&self, estimate: &OdometryEstimate) -> OdometryEstimate {
-        in_frame(&self.frame_from_lio.unwrap_or_default(), estimate)
     }
 }
 
@@ -115,17 +103,4 @@ fn with_pose(event: SensorEvent, standing: &OdometryEstimate) -> Vec<SensorEvent
         ..*standing
     };
     vec![event, SensorEvent::Odometry(still)]
-}
-
-/// The turn about the vertical and the shift that take `body` to `start`: down stays down.
-fn level_frame(start: &Isometry3<f64>, body: &Isometry3<f64>) -> Isometry3<f64> {
-    let yaw_rad = start.rotation.euler_angles().2 - body.rotation.euler_angles().2;
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
-    let shift = start.translation.vector - turn * body.translation.vector;
-    Isometry3::from_parts(shift.into(), turn)
-}
-
-/// The estimate with its world moved and turned about the vertical.
-fn in_frame(frame_from_lio: &Isometry3<f64>, estimate: &OdometryEstimate) -> OdometryEstimate {
-    crate::map_frame::MapFrame { map_from_odometry: *frame_from_lio }.estimate_in_map(estimate)
 }
