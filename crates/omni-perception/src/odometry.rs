@@ -113,7 +113,7 @@ impl LidarInertialOdometry {
         mount: RotatingMount,
         body_from_imu: Isometry3<f64>,
     ) -> Result<LidarInertialOdometry, LioConfigError> {
-        let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.range_sigma_m);
+        let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.max_plane_thickness_m);
         LidarInertialOdometry::with_map(config, mount, body_from_imu, map, None)
     }
 

@@ -21,6 +21,10 @@ const REDO_RAD: f64 = 0.004;
 const MIN_RESIDUALS: usize = 40;
 /// Share of the points in known cells that must lie on their planes.
 const MIN_INLIER_SHARE: f64 = 0.35;
+/// Points farther from their cell's plane than this many of the map's plane thicknesses are no part of it.
+const GATE_THICKNESSES: f64 = 2.2;
+/// What the prediction may be off at most without a search beyond the home cell.
+pub(crate) const MAX_SPREAD_M: f64 = 0.1;
 /// Range at which an error of rotation is weighed against one of position.
 const LEVER_M: f64 = 3.0;
 
@@ -71,7 +75,7 @@ pub(crate) fn track(
     loop {
         pass += 1;
         let motion = SensorMotion::new(scan, predicted.stamp, &knots, &rig.encoder, &rig.imu_mount, map)?;
-        let gate_m = 3.0 * (config.range_sigma_m.hypot(config.map_sigma_m) + spread_m.min(0.1));
+        let gate_m = GATE_THICKNESSES * map.plane_thickness_m() + 3.0 * spread_m.min(MAX_SPREAD_M);
         let limits = SweepLimits {
             min_range_m: config.min_range_m,
             max_range_m: config.max_range_m,
