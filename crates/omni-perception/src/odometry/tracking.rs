@@ -67,7 +67,6 @@ pub(crate) fn track(
     config: &LioConfig,
 ) -> Option<Tracked> {
     let from = knots.first()?.stamp;
-    let stride = scan.points.len().div_ceil(config.max_points_per_scan).max(1);
     let mut spread_m = spread(covariance);
     let mut start = *predicted;
     let mut iterations = 0;
@@ -80,7 +79,7 @@ pub(crate) fn track(
             min_range_m: config.min_range_m,
             max_range_m: config.max_range_m,
             gate_m: gate_m as f32,
-            stride,
+            stride: stride(scan, config),
         };
         sweep.collect(scan, &motion, map, &limits);
         let swept_with = start.world_from_imu();
@@ -131,6 +130,11 @@ pub(crate) fn track(
             rmse_m: cost.sqrt(),
         });
     }
+}
+
+/// Every how many points of a scan are used.
+pub(crate) fn stride(scan: &RawScan, config: &LioConfig) -> usize {
+    scan.points.len().div_ceil(config.max_points_per_scan).max(1)
 }
 
 /// How far the prediction may be off at a few metres' range.

@@ -132,6 +132,11 @@ impl VoxelMap {
         }
     }
 
+    /// A map without cells and with the same settings.
+    pub fn emptied(&self) -> VoxelMap {
+        VoxelMap::new(self.cell_m, self.max_cells, self.points_per_cell as u32, self.max_plane_thickness_m)
+    }
+
     /// Edge of a voxel.
     pub fn cell_m(&self) -> f32 {
         self.cell_m
@@ -187,6 +192,13 @@ impl VoxelMap {
         let [x, y, z, offset] = cell.plane;
         let height = x * sensor.x + y * sensor.y + z * sensor.z + offset;
         if !cell.has_plane() || height >= 0.0 { front } else { cell.back }
+    }
+
+    /// The cells of a voxel: none, one, or one for each side.
+    pub fn cells_at(&self, key: VoxelKey) -> impl Iterator<Item = &Cell> {
+        let front = self.index.get(&key).map(|&front| &self.cells[front as usize]);
+        let back = front.filter(|front| front.back != NO_CELL).map(|front| &self.cells[front.back as usize]);
+        front.into_iter().chain(back)
     }
 
     /// Adds the points of one scan; the additions in any fixed order. Planes of what changed much are fitted again.
