@@ -13,28 +13,35 @@
 
 pub mod config;
 pub mod degeneracy;
+mod filter;
 pub mod inertial;
 pub mod initialisation;
+mod motion_start;
 mod output;
 pub mod plane;
 pub mod propagation;
 pub mod report;
 pub mod state;
+mod supervision;
 mod sweep;
 mod tracking;
 pub mod update;
 pub mod voxel_map;
+mod wide;
 
-use nalgebra::{Isometry3, Matrix6, Vector3};
+use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector3};
 
 use self::config::{LioConfig, LioConfigError};
-use self::inertial::{ImuBuffer, ImuFault, Motion};
+use self::filter::{Belief, Filter, carry, moved};
+use self::inertial::{ImuBuffer, ImuFault};
 use self::initialisation::{first_covariance, levelled, rest, state_at_rest};
+use self::motion_start::start_in_motion;
 use self::propagation::Knot;
 use self::report::{ScanFault, ScanReport};
-use self::state::{Covariance, ImuState};
+use self::state::GRAVITY_MPS2;
+use self::supervision::Supervision;
 use self::sweep::Sweep;
-use self::tracking::{Rig, additions, track};
+use self::tracking::Rig;
 use self::voxel_map::VoxelMap;
 use crate::{EncoderError, EncoderSample, EncoderTrack, ImuSample, RawScan, RotatingMount, Stamp};
 
@@ -71,15 +78,14 @@ pub struct OdometryEstimate {
 
 /// A scan of more than a second is none.
 const MAX_SCAN_S: f64 = 1.0;
+/// What a standing body may move, and what half a second of standing leaves open of the gyroscope's bias.
+const REST_VELOCITY_SIGMA_MPS: f64 = 0.01;
+const REST_BIAS_SIGMA_RADPS: f64 = 1e-3;
+/// Samples kept before the first waiting scan, so that rest can be seen; readings of the encoder kept before a scan.
+const REST_MEMORY_S: f64 = 0.6;
+const ENCODER_MEMORY_S: f64 = 0.1;
 /// How far the encoder may lag behind a scan's end.
 const ENCODER_LAG_S: f64 = 0.01;
-
-/// State and covariance at one time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Belief {
-    state: ImuState,
-    covariance: Covariance,
-}
 
 /// The odometry. Push samples in the order of their delivery; ask [`Self::estimate`] at any time.
 #[derive(Debug, Clone)]
@@ -88,19 +94,19 @@ pub struct LidarInertialOdometry {
     rig: Rig,
     body_from_imu: Isometry3<f64>,
     imu: ImuBuffer,
-    map: VoxelMap,
     sweep: Sweep,
     /// Where the first body pose shall be.
     start: Isometry3<f64>,
-    /// At the end of the last scan; none before the start.
-    at_scan: Option<Belief>,
+    /// The map to begin in.
+    first_map: VoxelMap,
+    /// None before the start.
+    filter: Option<Filter>,
     /// At the newest sample.
     newest: Option<Belief>,
-    /// The way through the last scan.
-    knots: Vec<Knot>,
+    /// Scans that came before the start.
+    waiting: Vec<RawScan>,
     last_scan: Option<(Stamp, Stamp)>,
-    last_valid: Option<Stamp>,
-    status: TrackingStatus,
+    supervision: Supervision,
 }
 
 impl LidarInertialOdometry {
@@ -113,7 +119,8 @@ impl LidarInertialOdometry {
         mount: RotatingMount,
         body_from_imu: Isometry3<f64>,
     ) -> Result<LidarInertialOdometry, LioConfigError> {
-        let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.range_sigma_m);
+        let map =
+            VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.max_plane_thickness_m);
         LidarInertialOdometry::with_map(config, mount, body_from_imu, map, None)
     }
 
@@ -144,15 +151,14 @@ impl LidarInertialOdometry {
             rig: Rig { imu_mount, encoder },
             body_from_imu,
             imu: ImuBuffer::default(),
-            map,
             sweep: Sweep::default(),
             start: start.unwrap_or_default(),
-            at_scan: None,
+            first_map: map,
+            filter: None,
             newest: None,
-            knots: Vec::new(),
+            waiting: Vec::new(),
             last_scan: None,
-            last_valid: None,
-            status: TrackingStatus::Initialising,
+            supervision: Supervision::default(),
         })
     }
 
@@ -162,21 +168,11 @@ impl LidarInertialOdometry {
     /// [`ImuFault`] if it is not finite or not later than the last one; nothing changes then.
     pub fn push_imu(&mut self, sample: &ImuSample) -> Result<(), ImuFault> {
         self.imu.push(sample)?;
-        match &mut self.newest {
-            Some(newest) => {
-                let mut knots = Vec::new();
-                let (state, covariance) = self.imu.predict(
-                    &newest.state,
-                    &newest.covariance,
-                    sample.stamp,
-                    Motion::Inertial,
-                    &self.config,
-                    &mut knots,
-                );
-                *newest = Belief { state, covariance };
-            }
+        match self.newest {
+            Some(newest) => self.newest = Some(self.carried(&newest, sample.stamp).0),
             None => self.start_from_rest(),
         }
+        self.supervision.watch(sample.stamp, self.config.lost_after_s);
         Ok(())
     }
 
@@ -220,73 +216,116 @@ impl LidarInertialOdometry {
         }
         let end = scan.end();
         self.last_scan = Some((scan.start, end));
-        let Some(before) = self.at_scan else {
-            return Ok(ScanReport { stamp: end, ..ScanReport::default() });
-        };
-        if end <= before.state.stamp {
-            return Ok(ScanReport { stamp: end, ..ScanReport::default() });
-        }
-        // 1. The IMU carries the state to the scan's end.
-        let mut knots = Vec::with_capacity(32);
-        let (predicted, covariance) =
-            self.imu.predict(&before.state, &before.covariance, end, Motion::Inertial, &self.config, &mut knots);
-        // 2., 3. The points meet the map, and its planes correct the state.
-        let tracked =
-            track(scan, &self.rig, &self.imu, &self.map, &mut self.sweep, &predicted, &covariance, knots, &self.config);
-        let mut report = ScanReport { stamp: end, dropped: self.sweep.dropped, ..ScanReport::default() };
-        let mut belief = Belief { state: predicted, covariance };
-        if let Some(tracked) = tracked {
-            if let Some(updated) = &tracked.updated {
-                belief = Belief { state: updated.state, covariance: updated.covariance };
+        let Some(mut filter) = self.filter.take() else { return Ok(self.wait_with(scan)) };
+        let mut report = ScanReport { stamp: end, ..ScanReport::default() };
+        if end > filter.belief.state.stamp {
+            // 1. The IMU carries the state to the scan's end.
+            let (mut predicted, mut knots) = self.carried(&filter.belief, end);
+            if self.supervision.should_search(&predicted, self.config.lost_after_s) && !filter.map.is_empty() {
+                let (rig, sweep) = (&self.rig, &mut self.sweep);
+                if let Some(found) = filter.search(scan, rig, sweep, &predicted, &knots, &self.config) {
+                    predicted = found;
+                    knots = self.imu.knots_back_from(&found.state, filter.belief.state.stamp, &self.config);
+                }
             }
-            report.is_update_valid = tracked.updated.is_some();
-            // 4. The points become part of the map.
-            if tracked.updated.is_some() || self.map.is_empty() {
-                let pose = belief.state.world_from_imu();
-                let additions = additions(&self.sweep, &self.map, &tracked, &pose);
-                self.map.insert(&additions);
-                self.last_valid = Some(end);
-            }
-            report.residuals = tracked.residuals;
-            report.inliers = tracked.inliers;
-            report.outliers = tracked.outliers;
-            report.iterations = tracked.iterations;
-            report.rmse_m = tracked.rmse_m;
-            self.status =
-                if tracked.degeneracy.is_none() { TrackingStatus::Tracking } else { TrackingStatus::Degenerate };
-            report.degeneracy = tracked.degeneracy;
-            self.knots = tracked.knots;
+            // 2., 3., 4. The points meet the map, its planes correct the state, the points become part of the map.
+            report = filter.step(scan, &self.rig, &self.imu, &mut self.sweep, predicted, knots, &self.config);
+            self.supervision.judge(&report, self.sweep.points(), self.config.lost_after_s);
         }
-        report.status = self.status;
-        report.map_voxels = self.map.len();
-        self.continue_from(belief, end);
+        report.status = self.supervision.status;
+        if self.supervision.should_restart(end) {
+            report.has_restarted = true;
+            self.restart(&filter.belief);
+            return Ok(report);
+        }
+        self.continue_with(filter);
         Ok(report)
     }
 
-    /// Sets the state at a scan's end and carries it on to the newest sample.
-    fn continue_from(&mut self, belief: Belief, end: Stamp) {
-        self.at_scan = Some(belief);
+    /// Carries a belief on as far as it can be trusted.
+    fn carried(&self, belief: &Belief, to: Stamp) -> (Belief, Vec<Knot>) {
+        let motion = self.supervision.motion(to);
+        let (mut carried, knots) = carry(belief, to, motion, &self.imu, &self.config);
+        self.supervision.bound(&mut carried, belief, to);
+        (carried, knots)
+    }
+
+    /// Goes on from the end of the last scan to the newest sample.
+    fn continue_with(&mut self, filter: Filter) {
+        let end = filter.belief.state.stamp;
         let newest = self.imu.last().unwrap_or(end).max(end);
-        let mut knots = Vec::new();
-        let (state, covariance) =
-            self.imu.predict(&belief.state, &belief.covariance, newest, Motion::Inertial, &self.config, &mut knots);
-        self.newest = Some(Belief { state, covariance });
+        self.newest = Some(self.carried(&filter.belief, newest).0);
         self.imu.forget_before(end);
-        self.rig.encoder.forget_before(end.plus_seconds(-0.1));
+        self.rig.encoder.forget_before(end.plus_seconds(-ENCODER_MEMORY_S));
+        self.filter = Some(filter);
+    }
+
+    /// Before the start scans are kept until there are enough for a start in motion.
+    fn wait_with(&mut self, scan: &RawScan) -> ScanReport {
+        let mut report = ScanReport { stamp: scan.end(), status: self.supervision.status, ..ScanReport::default() };
+        if self.waiting.len() == motion_start::SCANS {
+            self.waiting.remove(0);
+        }
+        self.waiting.push(scan.clone());
+        let first = self.waiting[0].start;
+        self.imu.forget_before(first.plus_seconds(-REST_MEMORY_S));
+        self.rig.encoder.forget_before(first.plus_seconds(-ENCODER_MEMORY_S));
+        if self.waiting.len() == motion_start::SCANS {
+            let waiting = std::mem::take(&mut self.waiting);
+            let (rig, empty) = (&self.rig, self.first_map.emptied());
+            match start_in_motion(&waiting, rig, &self.imu, &mut self.sweep, &empty, &self.config) {
+                Some(filter) => {
+                    self.begin_moving(filter);
+                    report.status = self.supervision.status;
+                    report.begins_map = true;
+                }
+                None => self.waiting = waiting,
+            }
+        }
+        report
+    }
+
+    /// Puts a filter that started in a world of its own to where the body shall begin.
+    fn begin_moving(&mut self, mut filter: Filter) {
+        let body = filter.belief.state.world_from_imu() * self.body_from_imu.inverse();
+        let heading = |rotation: UnitQuaternion<f64>| {
+            let forward = rotation * Vector3::x();
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
+        };
+        let turn = heading(self.start.rotation) * heading(body.rotation).inverse();
+        let shift = self.start.translation.vector - turn * body.translation.vector;
+        let new_from_old = Isometry3::from_parts(shift.into(), turn);
+        filter.belief = moved(&filter.belief, &new_from_old);
+        // A map cannot be turned; the scans to come make it anew, or show where in the saved one the body is.
+        filter.map = std::mem::replace(&mut self.first_map, filter.map.emptied());
+        filter.knots.clear();
+        self.supervision.begin(filter.belief.state.stamp, true);
+        self.continue_with(filter);
+    }
+
+    /// Gives the map up; the next start is at the pose that is held.
+    fn restart(&mut self, belief: &Belief) {
+        self.start = belief.state.world_from_imu() * self.body_from_imu.inverse();
+        self.first_map = self.first_map.emptied();
+        (self.filter, self.newest) = (None, None);
+        self.waiting.clear();
+        self.supervision = Supervision::lost();
     }
 
     fn start_from_rest(&mut self) {
         let Some(rest) = rest(self.imu.samples(), &self.config) else { return };
         let rotation = levelled(&rest.force_mps2, &self.body_from_imu.rotation);
         let (_, _, yaw) = self.start.rotation.euler_angles();
-        let heading = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
-        let rotation = heading * rotation;
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * rotation;
         let imu_in_body = self.body_from_imu.translation.vector;
-        let position = self.start.translation.vector + rotation * self.body_from_imu.rotation.inverse() * imu_in_body;
-        let state = state_at_rest(&rest, rotation, position);
-        let covariance = first_covariance(&self.config, 0.01, 1e-3, self.config.accel_bias_sigma_mps2 / 9.81);
-        let belief = Belief { state, covariance };
-        self.at_scan = Some(belief);
-        self.newest = Some(belief);
+        let lever = rotation * (self.body_from_imu.rotation.inverse() * imu_in_body);
+        let state = state_at_rest(&rest, rotation, self.start.translation.vector + lever);
+        let tilt_rad = self.config.accel_bias_sigma_mps2 / GRAVITY_MPS2;
+        let covariance = first_covariance(&self.config, REST_VELOCITY_SIGMA_MPS, REST_BIAS_SIGMA_RADPS, tilt_rad);
+        let map = self.first_map.emptied();
+        let map = std::mem::replace(&mut self.first_map, map);
+        self.supervision.begin(rest.stamp, !map.is_empty());
+        self.waiting.clear();
+        self.continue_with(Filter { belief: Belief { state, covariance }, map, knots: Vec::new() });
     }
 }

@@ -27,13 +27,16 @@ pub struct LioConfig {
     pub beam_sigma_rad: f64,
     /// What a plane of the map is uncertain by at least, m: errors of the map do not average out. Default 0.005.
     pub map_sigma_m: f64,
+    /// A set of points with a larger standard deviation about its plane is none, m. The noise itself is measured from the
+    /// planes found so far; this is the limit before that, and above it. Default 0.06.
+    pub max_plane_thickness_m: f64,
     /// Nearer returns are the robot itself, m. Default 0.3.
     pub min_range_m: f32,
     /// Farther returns are dropped, m. Default 100.
     pub max_range_m: f32,
     /// Scans with more points are thinned to about this many. Default 40 000.
     pub max_points_per_scan: usize,
-    /// Edge of a cell of the map, m. Default 0.2.
+    /// Edge of a cell of the map, m. Default 0.25.
     pub cell_m: f32,
     /// Largest number of cells of the map: the hard cap of its memory, about 120 bytes each. Default 100 000.
     pub max_map_voxels: usize,
@@ -66,10 +69,11 @@ impl Default for LioConfig {
             range_sigma_m: 0.02,
             beam_sigma_rad: 1e-3,
             map_sigma_m: 0.005,
+            max_plane_thickness_m: 0.06,
             min_range_m: 0.3,
             max_range_m: 100.0,
             max_points_per_scan: 40_000,
-            cell_m: 0.2,
+            cell_m: 0.25,
             max_map_voxels: 100_000,
             points_per_cell: 60,
             max_iterations: 4,
@@ -122,6 +126,7 @@ impl LioConfig {
             ("range_sigma_m", self.range_sigma_m, 1e-4, 1.0),
             ("beam_sigma_rad", self.beam_sigma_rad, 0.0, 0.1),
             ("map_sigma_m", self.map_sigma_m, 1e-4, 1.0),
+            ("max_plane_thickness_m", self.max_plane_thickness_m, 1e-3, 1.0),
             ("min_range_m", f64::from(self.min_range_m), 0.0, 1e3),
             ("max_range_m", f64::from(self.max_range_m), 0.0, 1e3),
             ("max_points_per_scan", self.max_points_per_scan as f64, 100.0, 1e7),

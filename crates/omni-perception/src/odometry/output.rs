@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix6, Vector3};
 
+use crate::odometry::filter::Filter;
 use crate::odometry::propagation::Knot;
 use crate::odometry::state::{Covariance, ImuState};
 use crate::odometry::voxel_map::VoxelMap;
@@ -34,16 +35,20 @@ impl LidarInertialOdometry {
                     });
                 self.of_body(&newest.state, &rate, &newest.covariance)
             }
-            None => OdometryEstimate::at_rest(stamp, self.start),
+            None => {
+                let status = self.supervision.status;
+                OdometryEstimate { status, ..OdometryEstimate::at_rest(stamp, self.start) }
+            }
         }
     }
 
     /// The body at the reference time of the last scan ([`crate::LioConfig::reference`]); `None` before the first one,
     /// or if the reference time lies outside the scan.
     pub fn estimate_at_scan(&self) -> Option<OdometryEstimate> {
-        let belief = self.at_scan.as_ref()?;
+        let filter = self.filter.as_ref()?;
+        let (belief, knots) = (&filter.belief, &filter.knots);
         let (start, end) = self.last_scan?;
-        let knot = self.knots.last()?;
+        let knot = knots.last()?;
         let stamp = match self.config.reference {
             ReferenceTime::End => end,
             ReferenceTime::Start => start,
@@ -53,25 +58,25 @@ impl LidarInertialOdometry {
         if stamp == end {
             return Some(self.of_body(&belief.state, &knot.rate_radps, &belief.covariance));
         }
-        let first = self.knots.first()?.stamp.min(start);
+        let first = knots.first()?.stamp.min(start);
         if stamp < first || stamp > end {
             return None;
         }
-        let at = self.knots.partition_point(|knot| knot.stamp <= stamp).saturating_sub(1);
-        let knot = &self.knots[at];
+        let at = knots.partition_point(|knot| knot.stamp <= stamp).saturating_sub(1);
+        let knot = &knots[at];
         Some(self.of_body(&at_time(knot, &belief.state, stamp), &knot.rate_radps, &belief.covariance))
     }
 
     /// The way through the last scan, for [`crate::deskew()`] to any reference time.
     pub fn trajectory_of_scan(&self) -> Trajectory {
         let mut trajectory = Trajectory::default();
-        let Some(belief) = &self.at_scan else { return trajectory };
-        for knot in &self.knots {
+        let Some(Filter { belief, knots, .. }) = &self.filter else { return trajectory };
+        for knot in knots {
             let state = at_time(knot, &belief.state, knot.stamp);
             // Knots advance in time and are finite, so none is refused.
             let _ = trajectory.push(&self.of_body(&state, &knot.rate_radps, &belief.covariance));
         }
-        if let Some(knot) = self.knots.last() {
+        if let Some(knot) = knots.last() {
             let _ = trajectory.push(&self.of_body(&belief.state, &knot.rate_radps, &belief.covariance));
         }
         trajectory
@@ -79,12 +84,12 @@ impl LidarInertialOdometry {
 
     /// The map.
     pub fn map(&self) -> &VoxelMap {
-        &self.map
+        self.filter.as_ref().map_or(&self.first_map, |filter| &filter.map)
     }
 
     /// The map, to be kept.
     pub fn into_map(self) -> VoxelMap {
-        self.map
+        self.filter.map_or(self.first_map, |filter| filter.map)
     }
 
     /// The filter's own state at the newest sample: the IMU's pose, biases and gravity. `None` before the start.
@@ -113,7 +118,7 @@ impl LidarInertialOdometry {
             velocity_in_world_mps: state.velocity_mps + state.rotation * rate.cross(&lever),
             angular_velocity_in_body_radps: self.body_from_imu.rotation * rate,
             covariance: jacobian * pose * jacobian.transpose(),
-            status: self.status,
+            status: self.supervision.status,
         }
     }
 }

@@ -15,6 +15,8 @@ pub struct ScanReport {
     pub status: TrackingStatus,
     /// Whether the scan corrected the prediction.
     pub is_update_valid: bool,
+    /// Whether the scan is the first of a map.
+    pub begins_map: bool,
     /// Cells of the map that gave a residual.
     pub residuals: usize,
     /// Points on the planes of those cells.

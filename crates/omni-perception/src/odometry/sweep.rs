@@ -202,6 +202,11 @@ impl Sweep {
         self.patches.sort_unstable_by_key(|patch| patch.key);
     }
 
+    /// Points in all patches.
+    pub(crate) fn points(&self) -> usize {
+        self.patches.iter().map(|patch| (patch.count + patch.outliers) as usize).sum()
+    }
+
     fn patch(&mut self, voxel: [i32; 3], motion: &SensorMotion, map: &VoxelMap) -> u32 {
         let key = [0, 1, 2].map(|k| motion.anchor[k].saturating_add(voxel[k]));
         let patches = &mut self.patches;

@@ -21,6 +21,10 @@ const REDO_RAD: f64 = 0.004;
 const MIN_RESIDUALS: usize = 40;
 /// Share of the points in known cells that must lie on their planes.
 const MIN_INLIER_SHARE: f64 = 0.35;
+/// Points farther from their cell's plane than this many of the map's plane thicknesses are no part of it.
+const GATE_THICKNESSES: f64 = 2.2;
+/// What the prediction may be off at most without a search beyond the home cell.
+pub(crate) const MAX_SPREAD_M: f64 = 0.1;
 /// Range at which an error of rotation is weighed against one of position.
 const LEVER_M: f64 = 3.0;
 
@@ -63,7 +67,6 @@ pub(crate) fn track(
     config: &LioConfig,
 ) -> Option<Tracked> {
     let from = knots.first()?.stamp;
-    let stride = scan.points.len().div_ceil(config.max_points_per_scan).max(1);
     let mut spread_m = spread(covariance);
     let mut start = *predicted;
     let mut iterations = 0;
@@ -71,12 +74,12 @@ pub(crate) fn track(
     loop {
         pass += 1;
         let motion = SensorMotion::new(scan, predicted.stamp, &knots, &rig.encoder, &rig.imu_mount, map)?;
-        let gate_m = 3.0 * (config.range_sigma_m.hypot(config.map_sigma_m) + spread_m.min(0.1));
+        let gate_m = GATE_THICKNESSES * map.plane_thickness_m() + 3.0 * spread_m.min(MAX_SPREAD_M);
         let limits = SweepLimits {
             min_range_m: config.min_range_m,
             max_range_m: config.max_range_m,
             gate_m: gate_m as f32,
-            stride,
+            stride: stride(scan, config),
         };
         sweep.collect(scan, &motion, map, &limits);
         let swept_with = start.world_from_imu();
@@ -127,6 +130,11 @@ pub(crate) fn track(
             rmse_m: cost.sqrt(),
         });
     }
+}
+
+/// Every how many points of a scan are used.
+pub(crate) fn stride(scan: &RawScan, config: &LioConfig) -> usize {
+    scan.points.len().div_ceil(config.max_points_per_scan).max(1)
 }
 
 /// How far the prediction may be off at a few metres' range.

@@ -26,6 +26,14 @@ const EVICTED_SHARE: f64 = 1.0 / 8.0;
 /// A cell whose plane was contradicted by so many scans running is emptied: the thing there is gone.
 const MAX_CONFLICTS: u32 = 5;
 
+/// A plane may be thicker than the median by this factor.
+const THICKNESS_SIGMAS: f64 = 1.4;
+/// Below this every set of points is thin enough.
+const MIN_THICKNESS_M: f64 = 0.01;
+/// Planes that give a median, and the weight of one scan's median beside those before.
+const MIN_PLANES: usize = 50;
+const NOISE_GAIN: f64 = 0.1;
+
 /// Index of a voxel.
 pub type VoxelKey = [i32; 3];
 
@@ -100,24 +108,33 @@ pub struct VoxelMap {
     cell_m: f32,
     max_cells: usize,
     points_per_cell: f32,
-    plane_thickness_m: f64,
+    max_plane_thickness_m: f64,
+    /// Standard deviation of points about their planes: the median of all planes so far.
+    noise_m: Option<f64>,
     cells: Vec<Cell>,
     index: FxHashMap<VoxelKey, u32>,
     scan: u32,
 }
 
 impl VoxelMap {
-    /// An empty map. `range_sigma_m` is the noise of its points.
-    pub fn new(cell_m: f32, max_cells: usize, points_per_cell: u32, range_sigma_m: f64) -> VoxelMap {
+    /// An empty map of at most `max_cells` cells. A cell with `points_per_cell` points is finished; points with a larger
+    /// standard deviation than `max_plane_thickness_m` about their plane have none.
+    pub fn new(cell_m: f32, max_cells: usize, points_per_cell: u32, max_plane_thickness_m: f64) -> VoxelMap {
         VoxelMap {
             cell_m,
             max_cells,
             points_per_cell: points_per_cell as f32,
-            plane_thickness_m: 1.75 * range_sigma_m,
+            max_plane_thickness_m,
+            noise_m: None,
             cells: Vec::new(),
             index: FxHashMap::default(),
             scan: 0,
         }
+    }
+
+    /// A map without cells and with the same settings.
+    pub fn emptied(&self) -> VoxelMap {
+        VoxelMap::new(self.cell_m, self.max_cells, self.points_per_cell as u32, self.max_plane_thickness_m)
     }
 
     /// Edge of a voxel.
@@ -133,6 +150,13 @@ impl VoxelMap {
     /// Whether nothing was inserted yet.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
+    }
+
+    /// Largest standard deviation of points about a plane: half as much again as is usual in this map. Thicker ones are
+    /// corners, clutter, or the two sides of a thin board, and would bend the map.
+    pub fn plane_thickness_m(&self) -> f64 {
+        let usual_m = self.noise_m.map_or(self.max_plane_thickness_m, |noise_m| THICKNESS_SIGMAS * noise_m);
+        usual_m.clamp(MIN_THICKNESS_M, self.max_plane_thickness_m)
     }
 
     /// The cells, in the order of their first points.
@@ -170,6 +194,13 @@ impl VoxelMap {
         if !cell.has_plane() || height >= 0.0 { front } else { cell.back }
     }
 
+    /// The cells of a voxel: none, one, or one for each side.
+    pub fn cells_at(&self, key: VoxelKey) -> impl Iterator<Item = &Cell> {
+        let front = self.index.get(&key).map(|&front| &self.cells[front as usize]);
+        let back = front.filter(|front| front.back != NO_CELL).map(|front| &self.cells[front.back as usize]);
+        front.into_iter().chain(back)
+    }
+
     /// Adds the points of one scan; the additions in any fixed order. Planes of what changed much are fitted again.
     pub fn insert(&mut self, additions: &[Addition]) {
         self.scan += 1;
@@ -196,8 +227,10 @@ impl VoxelMap {
                 changed.push(number);
             }
         }
-        for number in changed {
-            self.fit(number);
+        let thicknesses = self.fit_all(&changed);
+        if self.learn_noise(thicknesses) {
+            // The first planes were accepted before the noise was known.
+            self.fit_all(&changed);
         }
         if self.cells.len() > self.max_cells {
             self.evict();
@@ -223,13 +256,31 @@ impl VoxelMap {
         number
     }
 
+    fn fit_all(&mut self, numbers: &[u32]) -> Vec<f64> {
+        numbers.iter().filter_map(|&number| self.fit(number)).collect()
+    }
+
+    /// Takes over the median; true the first time.
+    fn learn_noise(&mut self, mut thicknesses_m2: Vec<f64>) -> bool {
+        if thicknesses_m2.len() < MIN_PLANES {
+            return false;
+        }
+        let middle = thicknesses_m2.len() / 2;
+        let (_, &mut median_m2, _) = thicknesses_m2.select_nth_unstable_by(middle, f64::total_cmp);
+        let is_first = self.noise_m.is_none();
+        let before = self.noise_m.unwrap_or(median_m2.sqrt());
+        self.noise_m = Some(before + NOISE_GAIN * (median_m2.sqrt() - before));
+        is_first
+    }
+
     /// The plane of a cell: through it and all its neighbours, or, near an edge, through those neighbours that lie in
     /// the plane of the cell itself.
-    fn fit(&mut self, number: u32) {
+    /// Returns the variance about it.
+    fn fit(&mut self, number: u32) -> Option<f64> {
         let cell = self.cells[number as usize];
         let test = PlaneTest {
             min_count: MIN_COUNT,
-            max_thickness_m: self.plane_thickness_m,
+            max_thickness_m: self.plane_thickness_m(),
             min_width_m: 0.2 * f64::from(self.cell_m),
         };
         let limit = f64::from(self.points_per_cell);
@@ -242,7 +293,7 @@ impl VoxelMap {
         };
         let plane = test.fit(&merge(&|_| true)).or_else(|| {
             let alone = test.fit(&own)?;
-            let thickness_m = self.plane_thickness_m;
+            let thickness_m = self.plane_thickness_m();
             let lies_in_plane = |moments: &Moments| {
                 let height_m = alone.normal.dot(&(moments.mean - alone.point.coords)).abs();
                 let thickness_m2 = alone.normal.dot(&(moments.scatter * alone.normal)) / moments.count;
@@ -256,6 +307,7 @@ impl VoxelMap {
             Some(plane) => set_plane(cell, &plane),
             None => cell.plane = [0.0; 4],
         }
+        plane.map(|plane| plane.thickness_m2)
     }
 
     /// The moments of the up to 26 neighbours that face the same way, from the middle of the cell's voxel.

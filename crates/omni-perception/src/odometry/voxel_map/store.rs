@@ -1,6 +1,6 @@
 //! The map as bytes: a head with version and settings, one record of fixed size per cell, a check sum.
 //!
-//! All numbers are little-endian. `OMNILMAP`, major u16, minor u16, edge f32, points per cell f32, thickness f64, count
+//! All numbers are little-endian. `OMNILMAP`, major u16, minor u16, edge f32, points per cell f32, thickness f32, noise f32, count
 //! of cells u32, the cells, FNV-1a of everything before it u64. Another major version is refused.
 
 use std::io::{self, Read, Write};
@@ -65,7 +65,9 @@ impl VoxelMap {
         bytes.extend(MINOR.to_le_bytes());
         bytes.extend(self.cell_m.to_le_bytes());
         bytes.extend(self.points_per_cell.to_le_bytes());
-        bytes.extend(self.plane_thickness_m.to_le_bytes());
+        let noise_m = self.noise_m.unwrap_or(0.0);
+        bytes.extend((self.max_plane_thickness_m as f32).to_le_bytes());
+        bytes.extend((noise_m as f32).to_le_bytes());
         bytes.extend((self.cells.len() as u32).to_le_bytes());
         for cell in &self.cells {
             bytes.extend(cell.key.iter().flat_map(|k| k.to_le_bytes()));
@@ -91,12 +93,11 @@ impl VoxelMap {
             return Err(MapFileError::Version { found });
         }
         let (cell_m, points_per_cell) = (f32::from_le_bytes(at(12)), f32::from_le_bytes(at(16)));
-        let [a, b, c, d] = at(20);
-        let [e, f, g, h] = at(24);
-        let plane_thickness_m = f64::from_le_bytes([a, b, c, d, e, f, g, h]);
+        let (thickness_m, noise_m) = (f64::from(f32::from_le_bytes(at(20))), f64::from(f32::from_le_bytes(at(24))));
         let is_sound = (0.02..=5.0).contains(&cell_m)
             && (1.0..=1e6).contains(&points_per_cell)
-            && (1e-5..=10.0).contains(&plane_thickness_m);
+            && (1e-4..=1.0).contains(&thickness_m)
+            && (0.0..=1.0).contains(&noise_m);
         if !is_sound {
             return Err(MapFileError::Head);
         }
@@ -118,7 +119,8 @@ impl VoxelMap {
             cell_m,
             max_cells,
             points_per_cell,
-            plane_thickness_m,
+            max_plane_thickness_m: thickness_m,
+            noise_m: (noise_m > 0.0).then_some(noise_m),
             cells: Vec::with_capacity(count),
             index: Default::default(),
             scan: 0,
