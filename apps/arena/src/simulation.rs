@@ -248,7 +248,7 @@ fn masked_panorama(record: PanoramaRecord) -> Result<MaskedPanorama> {
         .into_iter()
         .map(|mask| {
             let rle = Rle::from_counts(width, height, &mask.counts).context("reading a mask")?;
-            Ok(Mask { rle, label: mask.label, score: mask.score, caption: mask.caption })
+            Ok(Mask { caption: mask.caption, track: Some(mask.track), ..Mask::new(rle, mask.label, mask.score) })
         })
         .collect::<Result<Vec<Mask>>>()?;
     Ok(MaskedPanorama {

@@ -344,6 +344,7 @@ impl WorldModel {
                 score: observation.weight as f32,
                 points: observation.points_in_world,
                 color: observation.color_rgb,
+                track: observation.track,
             });
         }
         clock.time("votes", || self.volume.vote_labels(&votes));

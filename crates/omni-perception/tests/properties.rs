@@ -200,7 +200,7 @@ mod masks {
     }
 
     fn mask(rle: Rle) -> Mask {
-        Mask { rle, label: "thing".into(), score: 0.5, caption: String::new() }
+        Mask::new(rle, "thing", 0.5)
     }
 
     proptest! {
