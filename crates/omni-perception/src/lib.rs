@@ -74,6 +74,7 @@ mod motion_table;
 mod near_mode;
 pub mod observation;
 pub mod odometry;
+mod polygon;
 mod range_buffer;
 pub mod rle;
 pub mod sensors;

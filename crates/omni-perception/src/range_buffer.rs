@@ -101,36 +101,45 @@ impl CellGrid {
     /// Turns [`FAR`] into [`NEAR`] around the cells that show something; columns wrap.
     fn mark_neighbours(&mut self) {
         let columns = self.columns;
-        // Which columns show something in this row of cells or the ones above and below.
-        let mut near = vec![false; columns];
-        let mut shown = vec![false; columns * self.rows];
-        for (shown, cell) in shown.iter_mut().zip(&self.shows) {
-            *shown = *cell != FAR;
-        }
+        let shown: Vec<bool> = self.shows.iter().map(|cell| *cell != FAR).collect();
+        let of_row = |row: usize| shown.get(row.checked_mul(columns)?..)?.get(..columns);
+        // Which columns show something in this row of cells or the ones above and below, and with their neighbours.
+        let (mut near, mut wide) = (vec![false; columns], vec![false; columns]);
         for row in 0..self.rows {
-            let here = &shown[row * columns..(row + 1) * columns];
-            near.copy_from_slice(here);
-            for other in [row.wrapping_sub(1), row + 1] {
-                if let Some(others) = shown.get(other.saturating_mul(columns)..).and_then(|rest| rest.get(..columns)) {
-                    near.iter_mut().zip(others).for_each(|(near, other)| *near |= other);
-                }
+            near.fill(false);
+            for other in [row.wrapping_sub(1), row, row + 1].into_iter().filter_map(of_row) {
+                near.iter_mut().zip(other).for_each(|(near, other)| *near |= other);
             }
-            for column in 0..columns {
-                let cell = &mut self.shows[row * columns + column];
-                if *cell == FAR {
-                    let [left, _, right] = with_neighbours(column, columns);
-                    if near[left] | near[column] | near[right] {
-                        *cell = NEAR;
-                    }
-                }
+            if !near.contains(&true) {
+                continue;
+            }
+            wide.copy_from_slice(&near);
+            wide[1..].iter_mut().zip(&near).for_each(|(wide, left)| *wide |= left);
+            wide.iter_mut().zip(&near[1..]).for_each(|(wide, right)| *wide |= right);
+            wide[0] |= near[columns - 1];
+            wide[columns - 1] |= near[0];
+            let cells = &mut self.shows[row * columns..(row + 1) * columns];
+            for (cell, wide) in cells.iter_mut().zip(&wide) {
+                *cell = if *wide && *cell == FAR { NEAR } else { *cell };
             }
         }
     }
 
-    /// The cell of a pixel. Middles of pixels are multiplied, so that rounding moves none into the next cell.
-    fn cell_of(&self, column_px: u32, row_px: u32) -> (usize, usize) {
-        let cell = |px: u32| ((px as f32 + 0.5) * self.cells_per_px) as usize;
-        (cell(column_px), cell(row_px))
+    /// The cell of a position in the image: column and row. Middles of pixels are multiplied, so that rounding moves none
+    /// into the next cell.
+    #[inline(always)]
+    fn cell_of(&self, u: f32, v: f32) -> (i32, i32) {
+        let cell = |x: f32| ((x as i32 as f32 + 0.5) * self.cells_per_px) as i32;
+        (cell(u), cell(v))
+    }
+
+    /// The same for a block of pixels, as indices.
+    fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
+        let columns = self.columns as i32; // at most 32768 squared: an i32 holds all cells
+        for index in 0..BLOCK {
+            let (column, row) = self.cell_of(pixels.u[index], pixels.v[index]);
+            cells[index] = row * columns + column;
+        }
     }
 }
 
@@ -164,9 +173,10 @@ impl RangeBuffer {
         let mut at = vec![(0.0, 0.0); grid.shows.len()];
         let mut candidates = Vec::with_capacity(points.len() / 4);
         let (mut non_finite, mut outside_image) = (0, 0);
-        let mut pixels = PixelBlock::default();
+        let (mut pixels, mut cells) = (PixelBlock::default(), [0; BLOCK]);
         for (block, points) in points.chunks(BLOCK).enumerate() {
             projection.project_block(points, &mut pixels);
+            grid.cells_of(&pixels, &mut cells);
             for (index, point) in points.iter().enumerate() {
                 let (u, v, range_m) = (pixels.u[index], pixels.v[index], pixels.range_m[index]);
                 if range_m == 0.0 {
@@ -174,9 +184,7 @@ impl RangeBuffer {
                     *(if is_finite { &mut outside_image } else { &mut non_finite }) += 1;
                     continue;
                 }
-                let (column_px, row_px) = (u as u32, v as u32);
-                let (column, row) = grid.cell_of(column_px, row_px);
-                let cell = row * grid.columns + column;
+                let cell = cells[index] as usize;
                 let shows = grid.shows[cell];
                 if shows == FAR {
                     continue;
@@ -187,7 +195,7 @@ impl RangeBuffer {
                 }
                 let mask = match shows {
                     NEAR => None,
-                    MIXED => masks.mask_at(column_px, row_px),
+                    MIXED => masks.mask_at(u as u32, v as u32),
                     mask => Some(mask),
                 };
                 if let Some(mask) = mask {
@@ -204,7 +212,8 @@ impl RangeBuffer {
     pub(crate) fn is_visible(&self, point: &Candidate, tolerance: &Tolerance) -> bool {
         let step_m = tolerance.step_m.max(tolerance.step_share * point.range_m);
         let slope_per_px = tolerance.slope * self.rad_per_px;
-        let (column, row) = self.grid.cell_of(point.u as u32, point.v as u32);
+        let (column, row) = self.grid.cell_of(point.u, point.v);
+        let (column, row) = (column as usize, row as usize);
         let (first, last) = (row.saturating_sub(1), (row + 1).min(self.grid.rows - 1));
         let columns = with_neighbours(column, self.grid.columns);
         for row in first..=last {
@@ -269,8 +278,9 @@ mod tests {
             let index = MaskIndex::new(&masks, &outlines, width_px, height_px, &none);
             let grid = CellGrid::new(&camera, cell_px, &index);
             for (u, v) in (0..width_px).flat_map(|u| (0..height_px).map(move |v| (u, v))) {
-                let (column, row) = grid.cell_of(u, v);
-                assert_eq!((column, row), ((u / cell_px) as usize, (v / cell_px) as usize));
+                let (column, row) = grid.cell_of(u as f32 + 0.99, v as f32);
+                assert_eq!((column, row), ((u / cell_px) as i32, (v / cell_px) as i32));
+                let (column, row) = (column as usize, row as usize);
                 let cell = |column: usize, row: usize| grid.shows[row * grid.columns + column];
                 let pixel = index.mask_at(u, v);
                 match cell(column, row) {
