@@ -214,7 +214,10 @@ impl WorldModel {
                 }
             }
             SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
-            SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
+            SensorEvent::Panorama(mut panorama) => {
+                self.config.label_names.apply(&mut panorama);
+                self.waiting.push_back(panorama);
+            }
         }
         self.label_waiting(clock);
     }
