@@ -48,7 +48,11 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     }
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
-    let config = RunConfig::new(options);
+    let mut config = RunConfig::new(options);
+    if let Some(path) = &options.synonyms {
+        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        config.mission.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
+    }
     let start = match (&options.known, &options.start) {
         (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
         _ => {
@@ -75,6 +79,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let path = folder.publish()?;
     let summary = &result.summary;
     println!("{}", summary.reason);
+    if let Some(error) = &summary.segmenter_error {
+        eprintln!("{} of {} pictures have no masks; last: {error}", summary.images_without_masks, summary.images);
+    }
     if !options.quiet {
         println!(
             "{} in {:.1} s of simulated time, {:.1} m of way (shortest {}), {} decisions, {} prompt tokens, {} collisions.",

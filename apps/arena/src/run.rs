@@ -15,6 +15,7 @@ use mission::octant_prompt::SymbolicReasoner;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::robot_model::RobotModel;
+use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
@@ -38,6 +39,8 @@ pub struct RunConfig {
     pub max_time_s: f64,
     /// A language model instead of the embedded reasoner.
     pub llm: Option<ChatConfig>,
+    /// A service that segments the pictures instead of the simulated segmenter.
+    pub segmenter: Option<HttpSegmenterConfig>,
     /// Whose CPU time the summary gives.
     pub cpu_scope: CpuScope,
 }
@@ -54,6 +57,7 @@ impl RunConfig {
             max_time_s: options.max_time,
             simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
             llm,
+            segmenter: options.segmenter.as_deref().map(HttpSegmenterConfig::new),
             ..RunConfig::default()
         }
     }
@@ -66,6 +70,7 @@ impl Default for RunConfig {
             simulation: SimulationConfig::default(),
             max_time_s: 600.0,
             llm: None,
+            segmenter: None,
             cpu_scope: CpuScope::Process,
         }
     }
@@ -171,7 +176,10 @@ pub fn run(
     if let Some(known) = known {
         mission.know(known);
     }
-    simulation.set_phrases(mission.phrases());
+    simulation.set_phrases(mission.phrases(), mission.standing_phrases().to_vec());
+    if let Some(service) = &config.segmenter {
+        simulation.use_segmenter(Box::new(HttpSegmenter::new(service.clone())));
+    }
     mission.journal.clock = StageClock::new(config.cpu_scope);
 
     // The loop: the world goes on for a step, the robot sees and commands.
@@ -281,6 +289,9 @@ pub fn run(
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),
+        images: simulation.segmentation().images,
+        images_without_masks: simulation.segmentation().without_masks,
+        segmenter_error: simulation.segmentation().last_error.clone(),
         interrupted: mission.is_interrupted(),
         stages,
     };

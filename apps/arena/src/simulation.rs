@@ -6,6 +6,7 @@ use mission::omni_perception::{
     Rle, Stamp, TrackingStatus,
 };
 use mission::robot_model::RobotModel;
+use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
 use mission::stream::{Command, SensorEvent};
 use nalgebra::Isometry3;
@@ -52,6 +53,17 @@ pub struct Touch {
     pub at_m: [f64; 3],
 }
 
+/// What became of the pictures.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Segmentation {
+    /// Pictures taken.
+    pub images: usize,
+    /// Those that the robot did not get, since nobody could say what is in them.
+    pub without_masks: usize,
+    /// Why, the last time.
+    pub last_error: Option<String>,
+}
+
 /// Period of odometry, IMU and physics; the encoder has its own.
 const TICK_NS: i64 = 5_000_000;
 
@@ -72,6 +84,11 @@ pub struct Simulation<'a> {
     next_scan_ns: i64,
     next_panorama_ns: i64,
     touches: Vec<Touch>,
+    /// Segments the pictures instead of the simulated segmenter.
+    service: Option<Box<dyn Segmenter>>,
+    /// Nouns of the instruction, and what is always looked for.
+    phrases: (Vec<String>, Vec<String>),
+    segmentation: Segmentation,
 }
 
 impl<'a> Simulation<'a> {
@@ -109,6 +126,9 @@ impl<'a> Simulation<'a> {
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
+            service: None,
+            phrases: (Vec::new(), Vec::new()),
+            segmentation: Segmentation::default(),
             config,
         })
     }
@@ -129,9 +149,22 @@ impl<'a> Simulation<'a> {
         self.config.lidar.period_ns()
     }
 
-    /// Words that the segmenter should look for.
-    pub fn set_phrases(&mut self, phrases: Vec<String>) {
-        self.config.segmenter.phrases = phrases;
+    /// Words that the segmenter should look for: nouns of the instruction, and what it always looks for. The simulated one
+    /// knows all its classes anyway.
+    pub fn set_phrases(&mut self, phrases: Vec<String>, standing: Vec<String>) {
+        self.config.segmenter.phrases.clone_from(&phrases);
+        self.phrases = (phrases, standing);
+    }
+
+    /// From now on somebody else segments the pictures.
+    pub fn use_segmenter(&mut self, service: Box<dyn Segmenter>) {
+        self.config.segmenter.blank = true;
+        self.service = Some(service);
+    }
+
+    /// What became of the pictures so far.
+    pub fn segmentation(&self) -> &Segmentation {
+        &self.segmentation
     }
 
     /// Time.
@@ -190,7 +223,9 @@ impl<'a> Simulation<'a> {
                 self.next_scan_ns += period_ns;
             }
             if self.now_ns >= self.next_panorama_ns {
-                events.push(SensorEvent::Panorama(clock.time("sim panorama", || self.photograph())?));
+                let panorama = clock.time("sim panorama", || self.photograph())?;
+                // Without masks it is no picture of an empty room: the robot does not get it.
+                events.extend(self.segmented(panorama).map(SensorEvent::Panorama));
                 self.next_panorama_ns += self.config.panorama.period_ns();
             }
         }
@@ -246,6 +281,21 @@ impl<'a> Simulation<'a> {
         })
     }
 
+    /// The picture with the masks of the service if there is one, and `None` if that failed.
+    fn segmented(&mut self, panorama: MaskedPanorama) -> Option<MaskedPanorama> {
+        self.segmentation.images += 1;
+        let Some(service) = &mut self.service else { return Some(panorama) };
+        let image = panorama.image.unwrap_or(RgbImage { width: 0, height: 0, rgb: Vec::new() });
+        let (phrases, standing) = (&self.phrases.0, &self.phrases.1);
+        let answer = service.segment(SegmentRequest { stamp: panorama.stamp, image, phrases, standing });
+        answer
+            .inspect_err(|error| {
+                self.segmentation.without_masks += 1;
+                self.segmentation.last_error = Some(error.to_string());
+            })
+            .ok()
+    }
+
     fn photograph(&self) -> Result<MaskedPanorama> {
         let record = capture(
             &self.scene.world,
@@ -280,7 +330,7 @@ fn masked_panorama(record: PanoramaRecord) -> Result<MaskedPanorama> {
         .into_iter()
         .map(|mask| {
             let rle = Rle::from_counts(width, height, &mask.counts).context("reading a mask")?;
-            Ok(Mask { rle, label: mask.label, score: mask.score, caption: mask.caption })
+            Ok(Mask { caption: mask.caption, track: Some(mask.track), ..Mask::new(rle, mask.label, mask.score) })
         })
         .collect::<Result<Vec<Mask>>>()?;
     Ok(MaskedPanorama {

@@ -1,12 +1,14 @@
 //! All numbers of a mission in one place, with unit, meaning and reason.
 
 use octant_prompt::PromptConfig;
+use omni_perception::LabelNames;
 use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
 use crate::error::MissionError;
 use crate::localiser::OdometrySource;
 use crate::rooms::RoomConfig;
+use crate::segmenter::STANDING;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
 /// [`RobotModel`](robot_model::RobotModel), not from here.
@@ -40,6 +42,10 @@ pub struct MissionConfig {
     /// Standing before the thing it went to, the robot looks at it for this long before it decides, default 2.5 s: five
     /// images from nearby.
     pub close_look_s: f64,
+    /// Other words for the names of things: the built-in table, and a user's on top.
+    pub label_names: LabelNames,
+    /// What the segmenter always looks for besides the nouns of the instruction.
+    pub standing_phrases: Vec<String>,
     /// Labels wait so long for the scans around their image, default 0.4 s.
     pub label_delay_s: f64,
     /// ... and take points of scans at most this far from the image time, default 1.0 s: with the delay two thirds of a turn of
@@ -74,6 +80,8 @@ impl Default for MissionConfig {
             reasoning_latency_s: 0.2,
             decision_period_s: 1.0,
             close_look_s: 2.5,
+            label_names: LabelNames::default(),
+            standing_phrases: STANDING.iter().map(|phrase| (*phrase).to_owned()).collect(),
             label_delay_s: 0.4,
             label_window_s: 1.0,
             stop_distance_m: 0.85,

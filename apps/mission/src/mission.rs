@@ -148,6 +148,11 @@ impl Mission {
         self.instruction.nouns()
     }
 
+    /// What the segmenter should always look for.
+    pub fn standing_phrases(&self) -> &[String] {
+        &self.config.standing_phrases
+    }
+
     /// The robot that carries it out.
     pub fn robot(&self) -> &RobotModel {
         &self.robot

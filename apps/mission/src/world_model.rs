@@ -235,7 +235,10 @@ impl WorldModel {
                 }
             }
             SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
-            SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
+            SensorEvent::Panorama(mut panorama) => {
+                self.config.label_names.apply(&mut panorama);
+                self.waiting.push_back(panorama);
+            }
         }
         self.label_waiting(clock);
     }
@@ -360,6 +363,7 @@ impl WorldModel {
                 score: observation.weight as f32,
                 points: observation.points_in_world,
                 color: observation.color_rgb,
+                track: observation.track,
             });
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
