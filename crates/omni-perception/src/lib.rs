@@ -71,6 +71,7 @@ mod near_mode;
 pub mod observation;
 pub mod odometry;
 mod range_buffer;
+pub mod registration;
 pub mod rle;
 pub mod sensors;
 pub mod so3;
@@ -85,6 +86,9 @@ pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, la
 pub use mask::{Mask, MaskedPanorama, RgbImage};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
 pub use odometry::{OdometryEstimate, TrackingStatus};
+pub use registration::{
+    Cloud, Freedom, Registration, RegistrationConfig, RegistrationError, Surface, align, register,
+};
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
