@@ -63,6 +63,7 @@ pub mod encoder;
 pub mod equirectangular;
 mod fast_projection;
 pub mod label_transfer;
+pub mod localisation;
 pub mod mask;
 mod mask_group;
 mod mask_index;
@@ -83,11 +84,12 @@ pub use deskew::{DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime
 pub use encoder::{EncoderError, EncoderSample, EncoderTrack};
 pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed};
 pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
+pub use localisation::{Candidate, KnownPlace, LocalisationConfig, LocalisationError, Look, Verdict, judge, localise};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
 pub use odometry::{OdometryEstimate, TrackingStatus};
 pub use registration::{
-    Cloud, Freedom, Registration, RegistrationConfig, RegistrationError, Surface, align, register,
+    Cloud, Fit, Freedom, Registration, RegistrationConfig, RegistrationError, Surface, align, fit, register,
 };
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};

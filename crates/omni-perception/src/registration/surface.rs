@@ -49,15 +49,18 @@ impl Surface {
 /// Normal of the plane through the nearest points.
 fn normal_at(tree: &KdTree, point: &Point3<f32>, neighbours: usize) -> Normal {
     let few = tree.nearest_few(point, neighbours);
-    let (mut sum, mut scatter) = (Vector3::zeros(), Matrix3::zeros());
+    // Offsets to the point itself are small, so that f32 sums hold them well.
+    let (mut sum, mut square, mut cross) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
     for index in few.indices() {
-        let offset = (tree.points()[*index as usize] - point).cast::<f64>();
+        let offset: Vector3<f32> = tree.points()[*index as usize] - point;
         sum += offset;
-        scatter += offset * offset.transpose();
+        square += offset.component_mul(&offset);
+        cross += Vector3::new(offset.x * offset.y, offset.x * offset.z, offset.y * offset.z);
     }
-    let count = few.indices().len() as f64;
-    let mean = sum / count;
-    flattest_direction(&(scatter / count - mean * mean.transpose())).cast::<f32>()
+    let over = 1.0 / few.indices().len() as f64;
+    let [sum, square, cross] = [sum, square, cross].map(|v| v.cast::<f64>() * over);
+    let raw = Matrix3::new(square.x, cross.x, cross.y, cross.x, square.y, cross.z, cross.y, cross.z, square.z);
+    flattest_direction(&(raw - sum * sum.transpose())).cast::<f32>()
 }
 
 /// Eigenvector of the smallest eigenvalue of a symmetric positive matrix, unit length; zero where the second eigenvalue is

@@ -25,11 +25,12 @@ pub fn thin(points: &[Point3<f32>], leaf_m: f64) -> Thinned {
     // Scans run along surfaces: the cell is mostly that of the point before.
     let mut last = (u64::MAX, 0);
     for point in points {
-        let cell = point.coords.map(|c| (f64::from(c) * per_m).floor());
+        let cell = point.coords.map(|c| f64::from(c) * per_m);
         if !cell.iter().all(|c| c.abs() < CELLS) {
             dropped += 1;
             continue;
         }
+        // Positive after the shift, so that the cast rounds down.
         let [x, y, z] = [cell.x, cell.y, cell.z].map(|c| (c + CELLS) as u64);
         let key = x | y << 21 | z << 42;
         if key != last.0 {
