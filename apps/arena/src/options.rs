@@ -42,8 +42,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Start with the scene graph and the map that an earlier run saved in DIR
-    #[arg(long, value_name = "DIR", requires = "start")]
+    /// Start with the scene graph and the map that an earlier run saved in DIR; without --start the robot finds out where in it it stands
+    #[arg(long, value_name = "DIR")]
     pub known: Option<PathBuf>,
 
     /// Start pose in the map of --known: metres and degrees

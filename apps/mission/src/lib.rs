@@ -24,6 +24,7 @@ pub mod goal;
 pub mod graph_builder;
 pub mod journal;
 pub mod llm_reasoner;
+pub mod localisation;
 pub mod map_frame;
 pub mod mission;
 pub mod navigation;

@@ -10,6 +10,7 @@ use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
+use crate::localisation::Lost;
 use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -77,6 +78,8 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// In a known building, until the robot knows where in it it stands.
+    pub(crate) lost: Option<Box<Lost>>,
 }
 
 impl Mission {
@@ -125,6 +128,7 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            lost: None,
             config,
         })
     }
@@ -165,6 +169,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.is_lost() => "finding out where it is in the known map".into(),
             None if !self.body.is_ready() => "getting ready".into(),
             None => self.target.describe(&self.world.graph),
         }

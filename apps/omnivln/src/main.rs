@@ -1,7 +1,8 @@
-//! The toolbox: ask a saved scene graph, run benches.
+//! The toolbox: ask a saved scene graph, align scans, run benches.
 
 mod ask;
 mod bench;
+mod register;
 
 use std::process::ExitCode;
 
@@ -19,6 +20,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Aligns two scans: pose, inliers, time
+    Register(register::RegisterOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -33,6 +36,7 @@ enum BenchCommand {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Register(options) => register::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
     };
     match result {

@@ -185,9 +185,12 @@ pub struct Registration {
     pub iterations: usize,
     /// Whether the last step was shorter than asked for.
     pub converged: bool,
-    /// Covariance of (translation, rotation) of the step `T Exp(step)` in the source frame, m^2 and rad^2, from the residuals;
-    /// zero where [`Freedom::Level`] holds a direction.
+    /// Covariance of (translation, rotation) of `T Exp(step)` in the source frame, m^2 and rad^2, from what the planes of the target
+    /// say and how far off them the pairs are; zero where [`Freedom::Level`] holds a direction.
     pub covariance: Matrix6<f64>,
+    /// Mean square of the cosine between the planes' normals and the direction in which fewest planes face, from 0 (nothing
+    /// stops a shift along it, as in an empty corridor) to 1/3 (all directions alike).
+    pub least_support: f64,
 }
 
 /// Aligns `source` with `target`, starting at `guess` (takes the source into the target).
@@ -222,7 +225,6 @@ pub fn align(
     let mut target_from_source = *guess;
     let mut nearest = vec![NONE; source.points().len()];
     let (mut iterations, mut converged) = (0, false);
-    let mut covariance = Matrix6::zeros();
     while iterations < config.max_iterations && !converged {
         // 1. The target point nearest to each source point.
         pair(source, target, &target_from_source, config, &mut nearest);
@@ -231,8 +233,7 @@ pub fn align(
         if sums.pairs < config.min_inliers {
             return Err(RegistrationError::NoOverlap { found: sums.pairs, needed: config.min_inliers });
         }
-        let step;
-        (step, covariance) = sums.solve(config.freedom).ok_or(RegistrationError::Degenerate)?;
+        let step = sums.solve(config.freedom).ok_or(RegistrationError::Degenerate)?;
         // 3. T <- T Exp(step).
         let (shift, turn) = (step.fixed_rows::<3>(0).into_owned(), step.fixed_rows::<3>(3).into_owned());
         target_from_source *= Isometry3::from_parts(shift.into(), UnitQuaternion::from_scaled_axis(turn));
@@ -241,7 +242,9 @@ pub fn align(
         converged = shift.norm() < config.stop_translation_m && turn.norm() < config.stop_rotation_rad;
     }
     pair(source, target, &target_from_source, config, &mut nearest);
-    Ok(judge(source, target, &nearest, target_from_source, iterations, converged, covariance))
+    assess(source, target, &nearest, target_from_source, config)
+        .map(|assessed| Registration { iterations, converged, ..assessed })
+        .ok_or(RegistrationError::Degenerate)
 }
 
 /// No target point within reach.
@@ -273,8 +276,6 @@ fn pair(
 struct Sums {
     information: Matrix6<f64>,
     gradient: Vector6<f64>,
-    weighted_cost: f64,
-    weight: f64,
     pairs: usize,
 }
 
@@ -290,13 +291,7 @@ impl Sums {
         let turn = source_from_target.rotation.to_rotation_matrix();
         // d^T M d of a pair that is robust_m apart along both normals.
         let half_weight_cost = config.robust_m * config.robust_m / (2.0 * config.flatness);
-        let mut sums = Sums {
-            information: Matrix6::zeros(),
-            gradient: Vector6::zeros(),
-            weighted_cost: 0.0,
-            weight: 0.0,
-            pairs: 0,
-        };
+        let mut sums = Sums { information: Matrix6::zeros(), gradient: Vector6::zeros(), pairs: 0 };
         let (mut vv, mut vw, mut ww) = (Matrix3::zeros(), Matrix3::zeros(), Matrix3::zeros());
         let (mut gv, mut gw) = (Vector3::zeros(), Vector3::zeros());
         for (rank, index) in nearest.iter().enumerate() {
@@ -322,8 +317,6 @@ impl Sums {
             ww -= hat * metric_hat;
             gv += pull;
             gw += point.cross(&pull);
-            sums.weighted_cost += weight * cost;
-            sums.weight += weight;
             sums.pairs += 1;
         }
         sums.information.fixed_view_mut::<3, 3>(0, 0).copy_from(&vv);
@@ -335,28 +328,32 @@ impl Sums {
         sums
     }
 
-    /// Step and its covariance; `None` if some direction is open.
-    fn solve(mut self, freedom: Freedom) -> Option<(Vector6<f64>, Matrix6<f64>)> {
-        let held: &[usize] = match freedom {
-            Freedom::Free => &[],
-            Freedom::Level => &[3, 4],
-        };
-        for axis in held {
-            self.information.row_mut(*axis).fill(0.0);
-            self.information.column_mut(*axis).fill(0.0);
-            self.information[(*axis, *axis)] = 1.0;
+    /// The Gauss-Newton step; `None` if some direction is open.
+    fn solve(mut self, freedom: Freedom) -> Option<Vector6<f64>> {
+        for axis in held(freedom) {
             self.gradient[*axis] = 0.0;
         }
-        let factor = self.information.cholesky()?;
-        // One number of each pair is sure: that along the normals.
-        let variance = self.weighted_cost / (self.weight - (6 - held.len()) as f64).max(1.0);
-        let mut covariance = factor.inverse() * variance;
-        for axis in held {
-            covariance[(*axis, *axis)] = 0.0;
-        }
-        let step = factor.solve(&self.gradient);
-        step.iter().all(|v| v.is_finite()).then_some((step, covariance))
+        let step = hold(self.information, freedom).cholesky()?.solve(&self.gradient);
+        step.iter().all(|v| v.is_finite()).then_some(step)
     }
+}
+
+/// Coordinates of a step that may not move: turns about x and y.
+fn held(freedom: Freedom) -> &'static [usize] {
+    match freedom {
+        Freedom::Free => &[],
+        Freedom::Level => &[3, 4],
+    }
+}
+
+/// The information matrix with the held coordinates cut out, so that it can be inverted.
+fn hold(mut information: Matrix6<f64>, freedom: Freedom) -> Matrix6<f64> {
+    for axis in held(freedom) {
+        information.row_mut(*axis).fill(0.0);
+        information.column_mut(*axis).fill(0.0);
+        information[(*axis, *axis)] = 1.0;
+    }
+    information
 }
 
 /// The inverse of `C_source + C_target` for two surface points with these normals (zero: as free in every direction).
@@ -405,35 +402,181 @@ pub fn fit(
     Fit { inliers, rmse_m: if inliers == 0 { 0.0 } else { (squared / inliers as f64).sqrt() } }
 }
 
-/// Figures of the final pairs.
-fn judge(
+/// Figures of the final pairs; `None` if their planes leave some direction open.
+fn assess(
     source: &Surface,
     target: &Surface,
     nearest: &[u32],
     target_from_source: Isometry3<f64>,
-    iterations: usize,
-    converged: bool,
-    covariance: Matrix6<f64>,
-) -> Registration {
+    config: &RegistrationConfig,
+) -> Option<Registration> {
     let (mut inliers, mut squared, mut along) = (0, 0.0, 0.0);
+    let mut information = Matrix6::zeros();
+    let (mut facing, mut planes, mut weighted, mut weights) = (Matrix3::zeros(), 0.0, 0.0, 0.0);
+    let turn = target_from_source.rotation.inverse();
     for (point, index) in source.points().iter().zip(nearest) {
         if *index == NONE {
             continue;
         }
-        let difference = target_from_source * point.cast::<f64>() - target.points()[*index as usize].cast::<f64>();
+        let point = point.cast::<f64>();
+        let difference = target_from_source * point - target.points()[*index as usize].cast::<f64>();
         inliers += 1;
         squared += difference.norm_squared();
-        along += difference.dot(&target.normals[*index as usize].cast::<f64>()).powi(2);
+        let normal = turn * target.normals[*index as usize].cast::<f64>();
+        if normal == Vector3::zeros() {
+            continue;
+        }
+        let off_m = (turn * difference).dot(&normal);
+        along += off_m * off_m;
+        let weight = 1.0 / (1.0 + (off_m / config.robust_m).powi(2));
+        let moment = point.coords.cross(&normal);
+        let row = Vector6::new(normal.x, normal.y, normal.z, moment.x, moment.y, moment.z);
+        information += weight * row * row.transpose();
+        facing += normal * normal.transpose();
+        planes += 1.0;
+        weighted += weight * off_m * off_m;
+        weights += weight;
+    }
+    let variance_m2 = weighted / (weights - 6.0).max(1.0);
+    let mut covariance = hold(information, config.freedom).cholesky()?.inverse() * variance_m2;
+    for axis in held(config.freedom) {
+        covariance[(*axis, *axis)] = 0.0;
     }
     let count = (inliers as f64).max(1.0);
-    Registration {
+    Some(Registration {
         target_from_source,
         inliers,
         inlier_share: inliers as f64 / source.points().len().max(1) as f64,
         rmse_m: (squared / count).sqrt(),
-        plane_rmse_m: (along / count).sqrt(),
-        iterations,
-        converged,
+        plane_rmse_m: (along / planes.max(1.0)).sqrt(),
+        iterations: 0,
+        converged: false,
         covariance,
+        least_support: (facing / planes.max(1.0)).symmetric_eigenvalues().min().max(0.0),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A corner of three walls, 5 cm apart.
+    fn corner() -> Vec<Point3<f32>> {
+        let grid = || (0..40).flat_map(|i| (0..40).map(move |j| (i as f32 * 0.05, j as f32 * 0.05)));
+        let floor = grid().map(|(u, v)| Point3::new(u, v, 0.0));
+        let left = grid().map(|(u, v)| Point3::new(u, 2.0, v));
+        let front = grid().map(|(u, v)| Point3::new(2.0, u, v));
+        floor.chain(left).chain(front).collect()
+    }
+
+    fn rooms() -> RegistrationConfig {
+        RegistrationConfig { leaf_m: 0.10, ..RegistrationConfig::default() }
+    }
+
+    #[test]
+    fn the_metric_is_the_inverse_of_both_covariances() {
+        let (a, b) = (Vector3::new(0.6, 0.0, 0.8), Vector3::new(0.0, 1.0, 0.0));
+        let of = |n: &Vector3<f64>| Matrix3::identity() - 0.98 * n * n.transpose();
+        assert!((metric(&a, &b, 0.02) * (of(&a) + of(&b)) - Matrix3::identity()).norm() < 1e-12);
+        assert!((metric(&Vector3::zeros(), &Vector3::zeros(), 0.02) - 0.5 * Matrix3::identity()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_gradient_is_the_derivative_of_the_cost() {
+        // Weights that do not change with the pose: the robust scale is out of reach.
+        let config = RegistrationConfig { robust_m: 1e6, ..rooms() };
+        let source = Surface::new(&corner(), &config, Cloud::Source).unwrap();
+        let target = Surface::new(&corner(), &config, Cloud::Target).unwrap();
+        let pose = Isometry3::new(Vector3::new(0.03, -0.02, 0.01), Vector3::new(0.02, -0.01, 0.03));
+        let mut nearest = vec![NONE; source.points().len()];
+        pair(&source, &target, &pose, &config, &mut nearest);
+        let sums = Sums::of(&source, &target, &nearest, &pose, &config);
+        // Pairs and metrics are those of `pose`, as in a Gauss-Newton step.
+        let cost = |moved: &Isometry3<f64>| -> f64 {
+            let each = source.points().iter().zip(&source.normals).zip(&nearest);
+            each.filter(|(_, index)| **index != NONE)
+                .map(|((point, normal), index)| {
+                    let normal = pose.rotation * normal.cast::<f64>();
+                    let metric = metric(&normal, &target.normals[*index as usize].cast::<f64>(), config.flatness);
+                    let d = target.points()[*index as usize].cast::<f64>() - moved * point.cast::<f64>();
+                    d.dot(&(metric * d))
+                })
+                .sum()
+        };
+        const STEP: f64 = 1e-6;
+        for axis in 0..6 {
+            let nudge = |h: f64| {
+                let mut step = Vector6::zeros();
+                step[axis] = h;
+                let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3).into_owned());
+                pose * Isometry3::from_parts(step.fixed_rows::<3>(0).into_owned().into(), turn)
+            };
+            let numeric = (cost(&nudge(STEP)) - cost(&nudge(-STEP))) / (2.0 * STEP);
+            // gradient = -1/2 dcost/dstep; central differences of sums over 4000 pairs.
+            assert!((sums.gradient[axis] + 0.5 * numeric).abs() < 1e-4 * (1.0 + numeric.abs()), "axis {axis}");
+        }
+    }
+
+    #[test]
+    fn a_corner_is_found_again_and_a_single_wall_says_that_it_holds_one_direction() {
+        let truth = Isometry3::new(Vector3::new(0.1, -0.08, 0.05), Vector3::new(0.03, -0.02, 0.05));
+        let moved: Vec<Point3<f32>> =
+            corner().iter().map(|p| (truth.inverse() * p.cast::<f64>()).cast::<f32>()).collect();
+        let found = register(&moved, &corner(), &Isometry3::identity(), &rooms()).unwrap();
+        let error = truth.inverse() * found.target_from_source;
+        assert!(error.translation.vector.norm() < 5e-3 && error.rotation.angle() < 2e-3, "{error}");
+        assert!(found.converged && found.least_support > 0.2 && found.inlier_share > 0.95);
+        assert!(found.covariance.cholesky().is_some());
+        let wall: Vec<Point3<f32>> = corner().into_iter().filter(|p| p.z == 0.0).collect();
+        match register(&wall, &wall, &Isometry3::identity(), &rooms()) {
+            Ok(found) => assert!(found.least_support < 1e-6),
+            Err(error) => assert_eq!(error, RegistrationError::Degenerate),
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_aligned_is_refused_by_name() {
+        let here = Isometry3::identity();
+        let refused = |source: &[Point3<f32>], target: &[Point3<f32>], guess: &Isometry3<f64>| {
+            register(source, target, guess, &rooms()).unwrap_err()
+        };
+        let broken = vec![Point3::new(f32::NAN, 0.0, 0.0); 50];
+        let (found, needed) = (0, 30);
+        assert_eq!(
+            refused(&broken, &corner(), &here),
+            RegistrationError::TooFewPoints { cloud: Cloud::Source, found, needed, dropped: 50 }
+        );
+        assert_eq!(
+            refused(&corner(), &[], &here),
+            RegistrationError::TooFewPoints { cloud: Cloud::Target, found, needed, dropped: 0 }
+        );
+        let far = Isometry3::translation(100.0, 0.0, 0.0);
+        assert_eq!(refused(&corner(), &corner(), &far), RegistrationError::NoOverlap { found, needed });
+        let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
+        assert_eq!(refused(&corner(), &corner(), &nowhere), RegistrationError::Guess);
+        let with = |change: fn(&mut RegistrationConfig)| {
+            let mut config = rooms();
+            change(&mut config);
+            match config.validate() {
+                Err(RegistrationError::Config { field, .. }) => field,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(with(|c| c.leaf_m = 0.0), "leaf_m");
+        assert_eq!(with(|c| c.max_distance_m = f64::NAN), "max_distance_m");
+        assert_eq!(with(|c| c.flatness = 2.0), "flatness");
+        assert_eq!(with(|c| c.neighbours = 2), "neighbours");
+        assert_eq!(with(|c| c.neighbours = 33), "neighbours");
+        assert_eq!(with(|c| c.min_inliers = 0), "min_inliers");
+        assert_eq!(with(|c| c.robust_m = -1.0), "robust_m");
+    }
+
+    #[test]
+    fn a_fit_counts_all_points() {
+        let cloud = [Point3::new(0.0, 0.0, 0.0), Point3::new(1.0, 0.0, 0.0), Point3::new(f32::NAN, 0.0, 0.0)];
+        let found = fit(&cloud, &[Point3::new(0.0, 0.3, 0.0)], &Isometry3::identity(), 0.5);
+        assert_eq!(found.inliers, 1);
+        assert!((found.rmse_m - 0.3).abs() < 1e-6);
+        assert_eq!(fit(&cloud, &[], &Isometry3::identity(), 0.5), Fit { inliers: 0, rmse_m: 0.0 });
     }
 }
