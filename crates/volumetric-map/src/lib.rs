@@ -78,14 +78,17 @@ pub mod distance_field;
 mod distance_update;
 mod edt;
 pub mod integrate;
+mod integrate_fast;
 pub mod mesh;
 pub mod occupancy_grid;
 pub mod places;
 pub mod ply;
 mod ray;
+mod recent;
 pub mod sight;
 mod slice;
 pub mod store;
+mod stride;
 pub mod volume;
 mod watershed;
 
