@@ -58,6 +58,7 @@
 //! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
+pub mod camera;
 pub mod deskew;
 pub mod encoder;
 pub mod equirectangular;
@@ -78,6 +79,7 @@ pub mod stamp;
 pub mod trajectory;
 pub mod vote;
 
+pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};
 pub use deskew::{DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime, deskew, deskew_exactly};
 pub use encoder::{EncoderError, EncoderSample, EncoderTrack};
 pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed};
