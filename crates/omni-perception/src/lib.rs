@@ -76,6 +76,7 @@ pub mod rle;
 pub mod sensors;
 pub mod so3;
 pub mod stamp;
+pub mod stitch;
 pub mod trajectory;
 pub mod vote;
 
@@ -90,5 +91,6 @@ pub use odometry::{OdometryEstimate, TrackingStatus};
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
+pub use stitch::{Gain, Lens, LensPixel, StitchConfig, StitchError, Stitcher, stitch_plainly};
 pub use trajectory::{Trajectory, TrajectoryError};
 pub use vote::{LabelVote, VoteResult};
