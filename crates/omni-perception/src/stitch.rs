@@ -26,6 +26,7 @@ use crate::camera::Camera;
 use crate::{CameraError, Equirectangular, Pixel, RgbImage};
 
 mod gains;
+mod lanes;
 mod table;
 
 pub use gains::Gain;
@@ -101,8 +102,8 @@ pub enum StitchError {
         /// Its index.
         lens: usize,
     },
-    /// The image of a lens is smaller than 2 x 2 pixels or larger than the table can address.
-    #[error("lens {lens} has {width_px} x {height_px} pixels; 2 x 2 up to 16777216 in all can be stitched")]
+    /// The image of a lens is smaller than 3 x 3 pixels or larger than 32768 x 32768.
+    #[error("lens {lens} has {width_px} x {height_px} pixels; 3 x 3 up to 32768 x 32768 can be stitched")]
     LensSize {
         /// Its index.
         lens: usize,
@@ -288,7 +289,7 @@ fn check_lenses(lenses: &[Lens], config: &StitchConfig) -> Result<(), StitchErro
             return Err(StitchError::Pose { lens: index });
         }
         let [width_px, height_px] = size(lens);
-        if width_px < 2 || height_px < 2 || u64::from(width_px) * u64::from(height_px) > 1 << 24 {
+        if !(3..=32768).contains(&width_px) || !(3..=32768).contains(&height_px) {
             return Err(StitchError::LensSize { lens: index, width_px, height_px });
         }
     }

@@ -179,7 +179,7 @@ fn every_model_can_be_stitched() {
     let calibration = OcamCalibration {
         width_px: 400,
         height_px: 400,
-        polynomial: vec![-110.0, 0.0, 0.0022, 0.0, 0.0],
+        polynomial: vec![-110.0, 0.0, 0.0038, 0.0, 0.0],
         inverse_polynomial: vec![],
         centre_row_column_px: [199.5, 199.5],
         affine: [1.0, 0.001, -0.002],

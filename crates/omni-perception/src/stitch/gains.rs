@@ -6,6 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::lanes::LANES;
 use super::table::{Blend, Share};
 use crate::RgbImage;
 
@@ -23,10 +24,10 @@ const TRUSTED: std::ops::RangeInclusive<u8> = 8..=247;
 
 /// Gains of all lenses whose images are `images`.
 pub(super) fn gains_of(blends: &[Blend], shares: &[Share], images: &[RgbImage]) -> Vec<Gain> {
-    let lenses = images.len();
+    let (lenses, one) = (images.len(), FixedGain::new(&[1.0; 3]));
     let color = |share: &Share| {
         let image = &images[usize::from(share.lens)];
-        share.tap.color(&image.rgb, 3 * image.width as usize)
+        one.apply(share.tap.color(&image.rgb, 3 * image.width as usize))
     };
     // 1. What both of a pair see: (first, second) with first < second.
     let mut pairs: Vec<Vec<([u8; 3], [u8; 3])>> = vec![Vec::new(); lenses * lenses];
@@ -79,22 +80,30 @@ fn log_ratio(seen: &[([u8; 3], [u8; 3])], channel: usize) -> Option<(f64, f64)> 
     Some(((median(&mut second) / median(&mut first)).ln(), first.len() as f64 / SAMPLES as f64))
 }
 
-/// A gain for every byte.
-pub(super) struct GainTable([[u8; 256]; 3]);
+/// A gain in fixed point, 14 bits after the point; one factor for each lane of `lanes.rs`.
+pub(super) struct FixedGain([u16; LANES]);
 
-impl GainTable {
-    /// Values that are not finite or negative count as 1.
-    pub(super) fn new(gain: &Gain) -> GainTable {
-        GainTable(gain.map(|factor| {
+impl FixedGain {
+    /// Values that are not finite or negative count as 1; more than 4 as (nearly) 4.
+    pub(super) fn new(gain: &Gain) -> FixedGain {
+        let [red, green, blue] = gain.map(|factor| {
             let factor = if factor.is_finite() && factor >= 0.0 { factor } else { 1.0 };
-            std::array::from_fn(|value| (value as f32 * factor).round().min(255.0) as u8)
-        }))
+            (factor * 16_384.0).round().min(65_535.0) as u16
+        });
+        FixedGain(std::array::from_fn(|lane| [red, green, blue, 0][lane % 4]))
     }
 
+    /// The factors times 2^14: red, green, blue, 0, and again.
+    pub(super) fn lanes(&self) -> &[u16; LANES] {
+        &self.0
+    }
+
+    /// A colour in 1/256 (at most 255 * 256) times the gain, rounded and cut off at 255.
     #[inline]
-    pub(super) fn apply(&self, [red, green, blue]: [u8; 3]) -> [u8; 3] {
-        let [reds, greens, blues] = &self.0;
-        [reds[usize::from(red)], greens[usize::from(green)], blues[usize::from(blue)]]
+    pub(super) fn apply(&self, [red, green, blue]: [u16; 3]) -> [u8; 3] {
+        // 8 bits after the point and 14 of the factor, less 16: 6 are left.
+        let times = |value: u16, factor: u16| (((u32::from(value) * u32::from(factor) >> 16) + 32) >> 6).min(255) as u8;
+        [times(red, self.0[0]), times(green, self.0[1]), times(blue, self.0[2])]
     }
 }
 
@@ -104,11 +113,11 @@ mod tests {
 
     #[test]
     fn a_gain_of_one_changes_nothing() {
-        let table = GainTable::new(&[1.0, f32::NAN, -1.0]);
+        let gain = FixedGain::new(&[1.0, f32::NAN, -1.0]);
         for value in 0..=255 {
-            assert_eq!(table.apply([value; 3]), [value; 3]);
+            assert_eq!(gain.apply([256 * value; 3]), [value as u8; 3]);
         }
-        assert_eq!(GainTable::new(&[0.5, 2.0, 100.0]).apply([100; 3]), [50, 200, 255]);
+        assert_eq!(FixedGain::new(&[0.5, 2.0, 100.0]).apply([100 * 256; 3]), [50, 200, 255]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
-//! The fast form of stitching: the geometry in a table of fixed-point places, four bytes for a pixel and lens.
+//! The fast form of stitching: the geometry in a table of fixed-point places, eight bytes for a pixel and lens.
 //!
-//! A place is the index of the upper left of four neighbouring pixels (24 bits) and the way to the next column and row in
-//! sixteenths (4 bits each); the place so is right to 1/32 pixel. Nine tenths of a panorama are seen by one lens only:
-//! those pixels are runs without weights. The rest has weights in 1/256.
+//! A place is the first byte of the upper left of four neighbouring pixels, and the ways from there to the next column and
+//! row in sixteenths; so it is right to 1/32 pixel. Nine tenths of a panorama are seen by one lens only: those pixels are
+//! runs without weights. The rest has weights in 1/256.
 
-use super::gains::{Gain, GainTable, gains_of};
+use super::gains::{FixedGain, Gain, gains_of};
+use super::lanes::Lanes;
 use super::{Eye, Lens, StitchConfig, StitchError, check_count, check_images, check_lenses, looks_at, size};
 use crate::{Equirectangular, RgbImage};
 
@@ -16,8 +17,10 @@ pub struct Stitcher {
     sizes: Vec<[u32; 2]>,
     /// Stretches seen by one lens.
     runs: Vec<Run>,
-    /// Places of the runs, one for each pixel.
-    taps: Vec<Tap>,
+    /// Places of the runs, one for each pixel: their first bytes ...
+    offsets: Vec<u32>,
+    /// ... and their ways, once for each byte that `lanes.rs` mixes with them.
+    ways: Vec<[u8; 4]>,
     /// Pixels seen by several lenses.
     blends: Vec<Blend>,
     /// Parts of the blends.
@@ -63,7 +66,12 @@ pub(super) struct Share {
 
 /// A place in an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Tap(u32);
+pub(super) struct Tap {
+    /// First byte of its upper left pixel.
+    pub(super) offset: u32,
+    /// Sixteenths to the right (low half) and down (high half).
+    pub(super) way: u8,
+}
 
 impl Stitcher {
     /// Computes the table: about a microsecond for each pixel and lens.
@@ -77,24 +85,23 @@ impl Stitcher {
             panorama: config.panorama,
             sizes: lenses.iter().map(size).collect(),
             runs: Vec::new(),
-            taps: Vec::new(),
+            offsets: Vec::new(),
+            ways: Vec::new(),
             blends: Vec::new(),
             shares: Vec::new(),
             gaps: Vec::new(),
         };
         let (width, height) = (config.panorama.width_px, config.panorama.height_px);
         let mut shares: Vec<Share> = Vec::new();
-        for row in 0..height {
-            for column in 0..width {
-                shares.clear();
-                for look in looks_at(&eyes, config, column, row) {
-                    let tap = Tap::new(look.pixel.u, look.pixel.v, stitcher.sizes[look.lens]);
-                    let weight = (256.0 * look.weight).round() as u16;
-                    shares.push(Share { tap, weight, lens: look.lens as u8 });
-                }
-                settle(&mut shares);
-                stitcher.add(row * width + column, &shares);
+        for (column, row) in by_tiles(width, height) {
+            shares.clear();
+            for look in looks_at(&eyes, config, column, row) {
+                let tap = Tap::new(look.pixel.u, look.pixel.v, stitcher.sizes[look.lens]);
+                let weight = (256.0 * look.weight).round() as u16;
+                shares.push(Share { tap, weight, lens: look.lens as u8 });
             }
+            settle(&mut shares);
+            stitcher.add(row * width + column, &shares);
         }
         Ok(stitcher)
     }
@@ -104,7 +111,8 @@ impl Stitcher {
             [] => extend(&mut self.gaps, pixel, 0),
             [share] => {
                 extend(&mut self.runs, pixel, share.lens);
-                self.taps.push(share.tap);
+                self.offsets.push(share.tap.offset);
+                self.ways.push([share.tap.way; 4]);
             }
             several => {
                 let first = self.shares.len() as u32;
@@ -154,24 +162,21 @@ impl Stitcher {
     pub fn stitch_into(&self, images: &[RgbImage], gains: &[Gain], panorama: &mut RgbImage) -> Result<(), StitchError> {
         check_images(&self.sizes, images)?;
         check_count("gains", gains.len(), images.len())?;
-        let gains: Vec<GainTable> = gains.iter().map(GainTable::new).collect();
+        let gains: Vec<FixedGain> = gains.iter().map(FixedGain::new).collect();
         (panorama.width, panorama.height) = (self.panorama.width_px, self.panorama.height_px);
         panorama.rgb.resize(3 * panorama.width as usize * panorama.height as usize, 0);
         let rgb = panorama.rgb.as_mut_slice();
         for gap in &self.gaps {
             rgb[3 * gap.start as usize..][..3 * gap.length as usize].fill(0);
         }
-        let mut taps = self.taps.as_slice();
+        let (mut lanes, mut done) = (Lanes::new(), 0);
         for run in &self.runs {
             let (image, gain) = (&images[usize::from(run.lens)], &gains[usize::from(run.lens)]);
-            let row_bytes = 3 * image.width as usize;
-            let (of_run, rest) = taps.split_at(run.length as usize);
-            taps = rest;
-            let pixels = rgb[3 * run.start as usize..].chunks_exact_mut(3);
-            for (pixel, tap) in pixels.zip(of_run) {
-                let color = gain.apply(tap.color(&image.rgb, row_bytes));
-                pixel.copy_from_slice(&color);
-            }
+            let length = run.length as usize;
+            let (offsets, ways) = (&self.offsets[done..][..length], &self.ways[done..][..length]);
+            let pixels = &mut rgb[3 * run.start as usize..][..3 * length];
+            lanes.fill(pixels, offsets, ways, &image.rgb, 3 * image.width, gain);
+            done += length;
         }
         for blend in &self.blends {
             let mut sum = [128_u32; 3];
@@ -191,7 +196,7 @@ impl Stitcher {
     /// equals); `None` where no lens looks. For what cannot be mixed, such as instance numbers.
     pub fn sources(&self) -> Vec<Option<LensPixel>> {
         let mut sources = vec![None; self.panorama.width_px as usize * self.panorama.height_px as usize];
-        let mut taps = self.taps.iter();
+        let mut taps = self.offsets.iter().zip(&self.ways).map(|(&offset, &[way, ..])| Tap { offset, way });
         for run in &self.runs {
             for (source, tap) in sources[run.start as usize..][..run.length as usize].iter_mut().zip(&mut taps) {
                 *source = Some(tap.nearest(run.lens, self.sizes[usize::from(run.lens)]));
@@ -205,6 +210,16 @@ impl Stitcher {
         }
         sources
     }
+}
+
+/// Columns and rows of an image, tile by tile. A row of a panorama runs all across the fisheyes; a tile stays in a corner
+/// of them that fits into the nearest cache.
+fn by_tiles(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
+    const TILE: u32 = 64;
+    let tiles = (0..height).step_by(TILE as usize).flat_map(move |y| {
+        (0..width).step_by(TILE as usize).map(move |x| (x..width.min(x + TILE), y..height.min(y + TILE)))
+    });
+    tiles.flat_map(|(columns, rows)| rows.flat_map(move |row| columns.clone().map(move |column| (column, row))))
 }
 
 /// Drops shares below half a step and makes the weights add up to 256.
@@ -226,48 +241,53 @@ fn extend(runs: &mut Vec<Run>, pixel: u32, lens: u8) {
 }
 
 impl Tap {
-    /// The place (u, v) in an image of at least 2 x 2 pixels.
+    /// The place (u, v) in an image of at least 3 x 3 pixels.
     fn new(u: f64, v: f64, [width, height]: [u32; 2]) -> Tap {
         let axis = |position: f64, size: u32| {
             let sixteenths = ((position - 0.5) * 16.0).round().clamp(0.0, 16.0 * f64::from(size - 1)) as u32;
             // The last pixel is reached from the one before it, but for a sixteenth.
             if sixteenths >> 4 > size - 2 { (size - 2, 15) } else { (sixteenths >> 4, sixteenths & 15) }
         };
-        let ((x, fx), (y, fy)) = (axis(u, width), axis(v, height));
-        Tap((y * width + x) << 8 | fy << 4 | fx)
+        let ((mut x, fx), (y, fy)) = (axis(u, width), axis(v, height));
+        // Eight bytes are read where six are needed: in the last row they must not begin at the last but one pixel.
+        if y == height - 2 && x == width - 2 {
+            x = width - 3;
+        }
+        // At most 32768 x 32768 pixels: below 2^32 bytes.
+        Tap { offset: 3 * (y * width + x), way: (fy << 4 | fx) as u8 }
     }
 
-    /// Bilinear colour. The six bytes of two neighbours are handled at once, in lanes of 16 bits.
+    /// Bilinear colour in 1/256. The bytes of two neighbours are handled at once, in lanes of 16 bits.
     #[inline]
-    pub(super) fn color(self, rgb: &[u8], row_bytes: usize) -> [u8; 3] {
+    pub(super) fn color(self, rgb: &[u8], row_bytes: usize) -> [u16; 3] {
         const EVEN: u64 = 0x00FF_00FF_00FF;
-        let at = 3 * (self.0 >> 8) as usize;
-        let (right, below) = (u64::from(self.0 & 15), u64::from(self.0 >> 4 & 15));
-        let (left, above) = (16 - right, 16 - below);
-        let (top, bottom) = (six_bytes(rgb, at), six_bytes(rgb, at + row_bytes));
+        let at = self.offset as usize;
+        let (right, below) = (u64::from(self.way & 15), u64::from(self.way >> 4));
+        let (top, bottom) = (eight_bytes(rgb, at), eight_bytes(rgb, at + row_bytes));
         // Lanes: red, blue of the left pixel and green of the right one; green of the left, red and blue of the right.
-        // Each is at most 255 * 16 after the first mixing and 255 * 256 after the second: no lane runs over.
-        let even = (top & EVEN) * above + (bottom & EVEN) * below;
-        let odd = (top >> 8 & EVEN) * above + (bottom >> 8 & EVEN) * below;
-        let red_blue = even * left + (odd >> 16) * right + 0x0080_0080;
-        let green = odd * left + (even >> 32) * right + 0x80;
-        [(red_blue >> 8) as u8, (green >> 8) as u8, (red_blue >> 24) as u8]
+        // a (16 - f) + b f = 16 a + (b - a) f, with one product for all lanes: borrows between them cancel in the sum,
+        // whose lanes are at most 255 * 16 after the first mixing and 255 * 256 after the second.
+        let mix = |a: u64, b: u64, f: u64| (a << 4).wrapping_add(b.wrapping_sub(a).wrapping_mul(f));
+        let even = mix(top & EVEN, bottom & EVEN, below);
+        let odd = mix(top >> 8 & EVEN, bottom >> 8 & EVEN, below);
+        let red_blue = mix(even, odd >> 16, right);
+        let green = mix(odd, even >> 32, right);
+        [red_blue as u16, green as u16, (red_blue >> 16) as u16]
     }
 
     /// The pixel whose centre is nearest.
     fn nearest(self, lens: u8, [width, _]: [u32; 2]) -> LensPixel {
-        let (index, round) = (self.0 >> 8, |sixteenths: u32| sixteenths >> 3);
-        let (column, row) = (index % width + round(self.0 & 15), index / width + round(self.0 >> 4 & 15));
+        let (index, round) = (self.offset / 3, |sixteenths: u8| u32::from(sixteenths >> 3));
+        let (column, row) = (index % width + round(self.way & 15), index / width + round(self.way >> 4));
         LensPixel { lens, column: column as u16, row: row as u16 }
     }
 }
 
+/// Two neighbouring pixels and two bytes more.
 #[inline]
-fn six_bytes(rgb: &[u8], at: usize) -> u64 {
-    let bytes = &rgb[at..at + 6];
-    let low = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    let high = u16::from_le_bytes([bytes[4], bytes[5]]);
-    u64::from(low) | u64::from(high) << 32
+pub(super) fn eight_bytes(rgb: &[u8], at: usize) -> u64 {
+    let bytes = &rgb[at..at + 8];
+    u64::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3], bytes[4], bytes[5], bytes[6], bytes[7]])
 }
 
 #[cfg(test)]
@@ -278,7 +298,7 @@ mod tests {
     fn a_tap_mixes_four_neighbours() {
         // 3 x 2 pixels; red grows by 16 to the right, green by 64 downward, blue is 200 in the right column.
         let rgb = [[0, 0, 0], [16, 0, 0], [32, 0, 200], [0, 64, 0], [16, 64, 0], [32, 64, 200]].concat();
-        let color = |u, v| Tap::new(u, v, [3, 2]).color(&rgb, 9);
+        let color = |u, v| FixedGain::new(&[1.0; 3]).apply(Tap::new(u, v, [3, 2]).color(&rgb, 9));
         assert_eq!(color(0.5, 0.5), [0, 0, 0]);
         assert_eq!(color(1.0, 1.0), [8, 32, 0]);
         assert_eq!(color(1.75, 0.75), [20, 16, 50]);
@@ -290,15 +310,39 @@ mod tests {
 
     #[test]
     fn white_stays_white_at_every_fraction() {
-        let white = [255_u8; 12];
-        for sixteenths in 0..256 {
-            assert_eq!(Tap(sixteenths).color(&white, 6), [255; 3]);
+        let (white, one) = ([255_u8; 18], FixedGain::new(&[1.0; 3]));
+        for way in 0..=255 {
+            assert_eq!(one.apply(Tap { offset: 0, way }.color(&white, 9)), [255; 3]);
+        }
+    }
+
+    #[test]
+    fn sixteen_at_once_are_as_one_by_one() {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 8
+        };
+        let (width, height) = (50, 40);
+        let image: Vec<u8> = (0..3 * width * height).map(|_| random() as u8).collect();
+        let place = |random: &mut dyn FnMut() -> u32, size: u32| f64::from(random() % (17 * size)) / 16.0 - 1.0;
+        let taps: Vec<Tap> = (0..4007)
+            .map(|_| Tap::new(place(&mut random, width), place(&mut random, height), [width, height]))
+            .collect();
+        for gain in [[1.0, 1.0, 1.0], [0.25, 1.7, 3.99], [0.0, 100.0, 0.999]] {
+            let gain = FixedGain::new(&gain);
+            let plain: Vec<u8> =
+                taps.iter().flat_map(|tap| gain.apply(tap.color(&image, 3 * width as usize))).collect();
+            let mut fast = vec![0; plain.len()];
+            let (offsets, ways): (Vec<u32>, Vec<[u8; 4]>) = taps.iter().map(|tap| (tap.offset, [tap.way; 4])).unzip();
+            Lanes::new().fill(&mut fast, &offsets, &ways, &image, 3 * width, &gain);
+            assert_eq!(plain, fast);
         }
     }
 
     #[test]
     fn weights_add_up() {
-        let share = |weight| Share { tap: Tap(0), weight, lens: 0 };
+        let share = |weight| Share { tap: Tap { offset: 0, way: 0 }, weight, lens: 0 };
         let mut shares = vec![share(85), share(85), share(85), share(0)];
         settle(&mut shares);
         assert_eq!(shares.iter().map(|s| s.weight).collect::<Vec<_>>(), [85, 85, 86]);
