@@ -142,6 +142,34 @@ impl TrueFloor {
         }
         distance_m
     }
+
+    /// Cells of a shortest way to `goal` from the starts of `distances_m`, which [`TrueFloor::distances_from`] gave; both
+    /// ends included. Empty if there is no way.
+    pub fn way_to(&self, distances_m: &[f64], goal: usize) -> Vec<usize> {
+        if !distances_m[goal].is_finite() {
+            return Vec::new();
+        }
+        let (mut here, mut way) = (goal, vec![goal]);
+        // The distance falls with every step, so this ends.
+        while distances_m[here] > 0.0 {
+            let (ix, iy) = ((here % self.width) as i64, (here / self.width) as i64);
+            let before = DIRECTIONS
+                .iter()
+                .filter_map(|(dx, dy)| {
+                    let (x, y) = (ix + dx, iy + dy);
+                    let is_inside = x >= 0 && y >= 0 && x < self.width as i64 && y < self.height as i64;
+                    let cell = is_inside.then(|| y as usize * self.width + x as usize)?;
+                    Some((distances_m[cell] + CELL_M * ((dx * dx + dy * dy) as f64).sqrt(), cell))
+                })
+                .filter(|(_, cell)| distances_m[*cell] < distances_m[here])
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let Some((_, cell)) = before else { return Vec::new() };
+            here = cell;
+            way.push(here);
+        }
+        way.reverse();
+        way
+    }
 }
 
 const DIRECTIONS: [(i64, i64); 16] = [

@@ -13,7 +13,14 @@ impl Mission {
     /// What the sensors said since the last cycle, in time order (OmniVLN III-A).
     pub fn perceive(&mut self, events: impl IntoIterator<Item = SensorEvent>) {
         for event in events {
-            self.world.see(event, &mut self.journal.clock);
+            match &mut self.localiser {
+                Some(localiser) => {
+                    for event in localiser.follow(event, &mut self.journal.clock) {
+                        self.world.see(event, &mut self.journal.clock);
+                    }
+                }
+                None => self.world.see(event, &mut self.journal.clock),
+            }
         }
     }
 

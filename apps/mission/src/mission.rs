@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
-use omni_perception::{Equirectangular, Stamp};
+use omni_perception::{Equirectangular, OdometryEstimate, Stamp};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
@@ -10,6 +10,7 @@ use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
+use crate::localiser::{Localiser, OdometrySource};
 use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -48,6 +49,8 @@ pub struct Mission {
     pub instruction: Instruction,
     /// What is known.
     pub world: WorldModel,
+    /// Its own odometry, unless somebody else's is in the stream.
+    pub(crate) localiser: Option<Localiser>,
     /// What happened.
     pub journal: Journal,
     /// Steps said to be done, in order.
@@ -94,13 +97,19 @@ impl Mission {
         start: Stamp,
         world_from_body: &Isometry3<f64>,
     ) -> Result<Mission, MissionError> {
+        config.validate()?;
         let instruction = parse_instruction(instruction);
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
         }
+        let localiser = match &config.odometry {
+            OdometrySource::LidarInertial(lio) => Some(Localiser::new(lio, robot, world_from_body)?),
+            OdometrySource::Stream => None,
+        };
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
         Ok(Mission {
             world: WorldModel::new(robot, &config, camera, floor_m)?,
+            localiser,
             body: Body::new(robot, &config, floor_m)?,
             robot: robot.clone(),
             instruction: instruction.clone(),
@@ -129,9 +138,19 @@ impl Mission {
         })
     }
 
+    /// The newest estimate of its own odometry, in the odometry's frame: for a flight controller that has no eyes of its own.
+    pub fn odometry(&self) -> Option<&OdometryEstimate> {
+        self.localiser.as_ref().and_then(Localiser::newest)
+    }
+
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.
     pub fn phrases(&self) -> Vec<String> {
         self.instruction.nouns()
+    }
+
+    /// What the segmenter should always look for.
+    pub fn standing_phrases(&self) -> &[String] {
+        &self.config.standing_phrases
     }
 
     /// The robot that carries it out.
@@ -175,7 +194,7 @@ impl Mission {
         self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
     }
 
-    /// What to command a robot that has no time for a cycle: hold.
+    /// What to command before the first cycle: nothing that moves.
     pub fn idle(&mut self) -> Command {
         self.body.idle()
     }

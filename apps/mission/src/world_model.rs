@@ -47,6 +47,27 @@ pub struct Ignored {
     pub images: u64,
     /// Map updates that were refused, e.g. because the map is full.
     pub updates: u64,
+    /// Changes of the scene graph that were refused; each left its layer as it was.
+    pub changes: u64,
+}
+
+impl Ignored {
+    /// What was not used, one sentence each; nothing where all was.
+    pub fn sentences(&self) -> Vec<String> {
+        let counted = [
+            (self.points, "LiDAR points were not finite or outside the time of their scan"),
+            (self.samples, "encoder angles or poses of the odometry were not finite or out of order"),
+            (self.scans, "scans had no odometry around them"),
+            (self.images, "images had no scan or no odometry around them"),
+            (self.updates, "scans did not fit into the map any more"),
+            (self.changes, "changes of the scene graph were refused"),
+        ];
+        counted
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("not used: {count} times {what}"))
+            .collect()
+    }
 }
 
 /// Whether the map has its frame yet.
@@ -199,7 +220,7 @@ impl WorldModel {
 
     fn take(&mut self, event: SensorEvent, clock: &mut StageClock) {
         match event {
-            SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
+            SensorEvent::Imu(_) => {} // only the odometry needs it
             SensorEvent::Encoder(sample) => {
                 if self.encoder.push(sample).is_err() {
                     self.ignored.samples += 1;
@@ -214,7 +235,10 @@ impl WorldModel {
                 }
             }
             SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
-            SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
+            SensorEvent::Panorama(mut panorama) => {
+                self.config.label_names.apply(&mut panorama);
+                self.waiting.push_back(panorama);
+            }
         }
         self.label_waiting(clock);
     }
@@ -236,12 +260,15 @@ impl WorldModel {
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
-        let here = straight.world_from_body.translation.vector;
-        let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
-        let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
-        self.obstacles.push_back((straight.stamp, obstacles));
-        while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
-            self.obstacles.pop_front();
+        // In the air the distance field is asked instead.
+        if self.robot.kind == RobotKind::Ground {
+            let here = straight.world_from_body.translation.vector;
+            let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
+            let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
+            self.obstacles.push_back((straight.stamp, obstacles));
+            while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
+                self.obstacles.pop_front();
+            }
         }
         let horizon = Stamp(straight.stamp.0 - 5_000_000_000);
         self.trajectory.forget_before(horizon);
@@ -258,16 +285,8 @@ impl WorldModel {
     fn obstacles_of(&self, points: &[Point3<f32>], here: &Point2<f64>) -> Vec<Point2<f32>> {
         const THIN_M: f32 = 0.04;
         const OVER_FLOOR_M: f64 = 0.10;
-        let body_m = match self.robot.kind {
-            RobotKind::Ground => self.floor_m,
-            // The ball moves with the robot's height.
-            RobotKind::Aerial => self
-                .odometry
-                .as_ref()
-                .map_or(self.floor_m, |o| o.world_from_body.translation.vector.z - self.body_height_m),
-        };
-        let low_m = (body_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
-        let high_m = (body_m + self.solid_m.1 + 0.05) as f32;
+        let low_m = (self.floor_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
+        let high_m = (self.floor_m + self.solid_m.1 + 0.05) as f32;
         let (x, y) = (here.x as f32, here.y as f32);
         let range = OBSTACLE_RANGE_M as f32;
         let mut cells: Vec<(i32, i32)> = points
@@ -344,12 +363,14 @@ impl WorldModel {
                 score: observation.weight as f32,
                 points: observation.points_in_world,
                 color: observation.color_rgb,
+                track: observation.track,
             });
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
         let eye = world_from_camera * Point3::origin();
         clock
             .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
+        self.ignored.changes += self.builder.take_refusals();
         self.coverage.look(&eye.xy(), &self.slice);
     }
 
@@ -383,6 +404,7 @@ impl WorldModel {
                 self.floor_m,
             );
         });
+        self.ignored.changes += self.builder.take_refusals();
     }
 
     /// Offers the frontiers again that were left alone for a while.

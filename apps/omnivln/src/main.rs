@@ -1,7 +1,8 @@
-//! The toolbox: ask a saved scene graph, run benches.
+//! The toolbox: ask a saved scene graph, record, run benches.
 
 mod ask;
 mod bench;
+mod record;
 
 use std::process::ExitCode;
 
@@ -19,6 +20,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
+    Record(record::RecordOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -28,12 +31,16 @@ enum Command {
 enum BenchCommand {
     /// Many buildings and instructions, drawn from a seed, with the referee's verdicts
     Nav(bench::NavOptions),
+    /// The same buildings seen with a rotating and with a fixed LiDAR: objects, directions and surface known
+    Coverage(bench::CoverageOptions),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Record(options) => record::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
+        Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
     };
     match result {
         Ok(code) => code,

@@ -25,7 +25,7 @@
 //! // A thing of 30 x 30 pixels straight ahead, and its mask.
 //! let rows: Vec<bool> = (0..640 * 1920).map(|i| (940..970).contains(&(i % 1920)) && (310..340).contains(&(i / 1920))).collect();
 //! let rle = Rle::from_rows(1920, 640, &rows)?;
-//! let mask = Mask { rle, label: "mug".into(), score: 0.9, caption: "a white mug".into() };
+//! let mask = Mask::new(rle, "mug", 0.9);
 //! let panorama = MaskedPanorama { masks: vec![mask], ..Default::default() };
 //! // Points on the thing at 2 m and on the wall behind it.
 //! let on = |v: u32, range: f64| Point3::from(camera.unproject(955.5, f64::from(v)).into_inner() * range).cast::<f32>();
@@ -47,7 +47,8 @@
 //! # Conventions
 //! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew
 //! stands at its reference time and carries that pose. Times are [`Stamp`]s from the data; there is no pose outside
-//! the knots. Points that are not finite are skipped and counted. Where masks overlap, the smaller one counts. Same
+//! the knots. Points that are not finite are skipped and counted. Where masks overlap, one
+//! inside another is on top of it, else the one with the higher score. Same
 //! input, same bytes. Empty input gives empty output.
 //!
 //! # What it does not do
@@ -63,14 +64,18 @@ pub mod deskew;
 pub mod encoder;
 pub mod equirectangular;
 mod fast_projection;
+pub mod label_names;
 pub mod label_transfer;
 pub mod mask;
 mod mask_group;
 mod mask_index;
+mod mask_order;
+mod mask_outline;
 mod motion_table;
 mod near_mode;
 pub mod observation;
 pub mod odometry;
+mod polygon;
 mod range_buffer;
 pub mod rle;
 pub mod sensors;
@@ -84,10 +89,15 @@ pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};
 pub use deskew::{DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime, deskew, deskew_exactly};
 pub use encoder::{EncoderError, EncoderSample, EncoderTrack};
 pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed};
+pub use label_names::{LabelNames, LabelTableError, UNKNOWN};
 pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
-pub use odometry::{OdometryEstimate, TrackingStatus};
+pub use odometry::config::{LioConfig, LioConfigError};
+pub use odometry::inertial::ImuFault;
+pub use odometry::report::{ScanFault, ScanReport};
+pub use odometry::voxel_map::{MapFileError, VoxelMap};
+pub use odometry::{LidarInertialOdometry, OdometryEstimate, TrackingStatus};
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;

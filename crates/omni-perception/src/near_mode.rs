@@ -94,17 +94,26 @@ const BESIDE_SHARE: f32 = 0.1;
 /// `link_m` apart are linked as often as not.
 fn linked_clusters(points: &[Point3<f32>], members: &[u32], link_m: f32) -> Vec<u32> {
     let edge_m = 0.7 * link_m;
-    let mut cell_at: FxHashMap<[i32; 3], u32> = FxHashMap::default();
+    let cell_of = |&member: &u32| {
+        let p = &points[member as usize];
+        [p.x, p.y, p.z].map(|x| floor(x / edge_m))
+    };
+    let cell_of_member: Vec<[i32; 3]> = members.iter().map(cell_of).collect();
+    let mut numbers = CellNumbers::around(&cell_of_member);
     let mut cells: Vec<[i32; 3]> = Vec::new();
-    let cell_of_member: Vec<u32> = members
+    // Neighbours in a scan mostly share a cell.
+    let mut last = ([i32::MAX; 3], u32::MAX);
+    let number_of_member: Vec<u32> = cell_of_member
         .iter()
-        .map(|&member| {
-            let p = &points[member as usize];
-            let cell = [p.x, p.y, p.z].map(|x| (x / edge_m).floor() as i32);
-            *cell_at.entry(cell).or_insert_with(|| {
-                cells.push(cell);
-                cells.len() as u32 - 1
-            })
+        .map(|cell| {
+            if last.1 == u32::MAX || last.0 != *cell {
+                let number = numbers.get_or_insert(cell, cells.len() as u32);
+                if number as usize == cells.len() {
+                    cells.push(*cell);
+                }
+                last = (*cell, number);
+            }
+            last.1
         })
         .collect();
     let mut cluster_of_cell = vec![u32::MAX; cells.len()];
@@ -117,20 +126,97 @@ fn linked_clusters(points: &[Point3<f32>], members: &[u32], link_m: f32) -> Vec<
         cluster_of_cell[start] = clusters;
         open.push(start as u32);
         while let Some(here) = open.pop() {
-            let [x, y, z] = cells[here as usize];
-            for step in 0..27 {
-                let next = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
-                if let Some(&next) = cell_at.get(&next)
-                    && cluster_of_cell[next as usize] == u32::MAX
-                {
+            numbers.for_each_neighbour(&cells[here as usize], |next| {
+                if cluster_of_cell[next as usize] == u32::MAX {
                     cluster_of_cell[next as usize] = clusters;
                     open.push(next);
                 }
-            }
+            });
         }
         clusters += 1;
     }
-    cell_of_member.into_iter().map(|cell| cluster_of_cell[cell as usize]).collect()
+    number_of_member.into_iter().map(|cell| cluster_of_cell[cell as usize]).collect()
+}
+
+/// `x.floor() as i32` without the call into the mathematics library.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let whole = x as i32;
+    whole.saturating_sub(i32::from(whole as f32 > x))
+}
+
+/// Numbers of cells: a plain box of them where the cells lie close together, as they do for one thing, else a map.
+enum CellNumbers {
+    Box { low: [i32; 3], strides: [usize; 2], numbers: Vec<u32> },
+    Map(FxHashMap<[i32; 3], u32>),
+}
+
+/// A larger box is not worth its memory (1 MiB).
+const MAX_BOX: usize = 1 << 18;
+
+impl CellNumbers {
+    /// Room for these cells, no number given yet.
+    fn around(cells: &[[i32; 3]]) -> CellNumbers {
+        let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+        for cell in cells {
+            for axis in 0..3 {
+                (low[axis], high[axis]) = (low[axis].min(cell[axis]), high[axis].max(cell[axis]));
+            }
+        }
+        // With an empty cell on every side, so that neighbours need no test.
+        let sides = [0, 1, 2].map(|axis| (i64::from(high[axis]) - i64::from(low[axis]) + 3).max(0) as usize);
+        let size = sides.into_iter().try_fold(1_usize, |size, side| size.checked_mul(side));
+        let has_room = low.iter().all(|&x| x > i32::MIN) && high.iter().all(|&x| x < i32::MAX);
+        match size.filter(|&size| size <= MAX_BOX && has_room) {
+            Some(size) => {
+                let low = low.map(|x| x - 1);
+                CellNumbers::Box { low, strides: [sides[0], sides[0] * sides[1]], numbers: vec![u32::MAX; size] }
+            }
+            None => CellNumbers::Map(FxHashMap::default()),
+        }
+    }
+
+    fn index(low: &[i32; 3], strides: &[usize; 2], cell: &[i32; 3]) -> usize {
+        let [x, y, z] = [0, 1, 2].map(|axis| (cell[axis] - low[axis]) as usize);
+        x + strides[0] * y + strides[1] * z
+    }
+
+    fn get_or_insert(&mut self, cell: &[i32; 3], next: u32) -> u32 {
+        match self {
+            CellNumbers::Box { low, strides, numbers } => {
+                let number = &mut numbers[CellNumbers::index(low, strides, cell)];
+                if *number == u32::MAX {
+                    *number = next;
+                }
+                *number
+            }
+            CellNumbers::Map(map) => *map.entry(*cell).or_insert(next),
+        }
+    }
+
+    /// The cell itself and the 26 around it, as far as they have numbers. Order: x, then y, then z.
+    fn for_each_neighbour(&self, cell: &[i32; 3], mut found: impl FnMut(u32)) {
+        match self {
+            CellNumbers::Box { low, strides, numbers } => {
+                let middle = CellNumbers::index(low, strides, cell);
+                for z in 0..3 {
+                    for y in 0..3 {
+                        let row = middle + strides[0] * y + strides[1] * z - strides[0] - strides[1] - 1;
+                        numbers[row..row + 3].iter().filter(|number| **number != u32::MAX).for_each(|n| found(*n));
+                    }
+                }
+            }
+            CellNumbers::Map(map) => {
+                for step in 0..27 {
+                    let steps = [step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1];
+                    let next = [0, 1, 2].map(|axis| cell[axis].saturating_add(steps[axis]));
+                    if let Some(&number) = map.get(&next) {
+                        found(number);
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// The value below which `share` of the numbers lie (the lowest for few numbers); zero for none.
@@ -192,6 +278,37 @@ mod tests {
         let cup_and_table: Vec<_> = (0..20).map(point).collect();
         // Front 3.02 (a low quantile) and depth 2 x 0.03 x 3.02: kept up to 3.2012.
         check(&cup_and_table, 0.03, 11);
+    }
+
+    #[test]
+    fn a_box_of_cells_and_a_map_of_cells_say_the_same() {
+        let cells: Vec<[i32; 3]> = (0..300).map(|k| [k * 37 % 11 - 5, k * 17 % 7, k * 5 % 13 - 90]).collect();
+        let number = |mut numbers: CellNumbers| {
+            let mut next = 0;
+            let of_cell: Vec<u32> = cells
+                .iter()
+                .map(|cell| {
+                    let number = numbers.get_or_insert(cell, next);
+                    next = next.max(number + 1);
+                    number
+                })
+                .collect();
+            let mut around = Vec::new();
+            cells.iter().for_each(|cell| numbers.for_each_neighbour(cell, |next| around.push(next)));
+            (of_cell, around)
+        };
+        let small = CellNumbers::around(&cells);
+        assert!(matches!(small, CellNumbers::Box { .. }));
+        assert_eq!(number(small), number(CellNumbers::Map(FxHashMap::default())));
+        assert!(matches!(CellNumbers::around(&[[i32::MIN; 3], [i32::MAX; 3]]), CellNumbers::Map(_)));
+        assert!(matches!(CellNumbers::around(&[[i32::MAX; 3]]), CellNumbers::Map(_)));
+    }
+
+    #[test]
+    fn floors_are_those_of_the_library() {
+        for x in [0.0, -0.0, 0.9, -0.1, -1.0, -1.5, 7.0, 1e9, -1e9, 3e9, -3e9, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(floor(x), x.floor() as i32, "{x}");
+        }
     }
 
     #[test]

@@ -73,6 +73,8 @@ pub struct ObjectObservation {
     pub color_rgb: Option<[u8; 3]>,
     /// Whether it reaches the upper or lower edge of the image: then it is larger than it looks.
     pub touches_image_border: bool,
+    /// Number of the thing in the segmenter's video: that of its best mask which has one. A hint, see [`Mask::track`].
+    pub track: Option<u64>,
 }
 
 /// Result of [`observe_panorama`].
@@ -130,6 +132,7 @@ pub fn observe_panorama(
             range_m,
             color_rgb: median_color(panorama, &points_in_camera, members, camera),
             touches_image_border: names.iter().any(|mask| touches_border(mask)),
+            track: track_of(&names),
         });
     }
     Ok(Observations { objects, mask_of_point: transfer.mask_of_point, report: transfer.report })
@@ -147,6 +150,7 @@ pub fn observe_objects(
         .map_or_else(|_| Vec::new(), |observations| observations.objects)
 }
 
+/// Points of the world as the camera at the time of the image has them.
 fn to_camera(points_in_world: &[Point3<f32>], world_from_camera: &Isometry3<f64>) -> Vec<Point3<f32>> {
     // The camera's position is taken off first, so that single precision suffices far from the world's origin.
     let camera_in_world = world_from_camera.translation.vector.cast::<f32>();
@@ -202,6 +206,12 @@ fn median_color(
         let middle = channel.len() / 2;
         *channel.select_nth_unstable(middle).1
     }))
+}
+
+/// The video number of the mask with the highest score among those that have one; of equal scores the first.
+fn track_of(masks: &[&Mask]) -> Option<u64> {
+    let numbered = masks.iter().filter_map(|mask| Some((sound_score(mask.score), mask.track?)));
+    numbered.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, track)| track)
 }
 
 fn touches_border(mask: &Mask) -> bool {

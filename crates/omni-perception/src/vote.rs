@@ -104,6 +104,7 @@ mod tests {
             range_m: 1.0,
             color_rgb: None,
             touches_image_border: false,
+            track: None,
         }
     }
 
@@ -133,12 +134,8 @@ mod tests {
 
     #[test]
     fn a_frame_shares_its_vote_by_score() {
-        let mask = |label: &str, score: f32| Mask {
-            rle: Rle::from_counts(1, 1, &[0, 1]).expect("one pixel"),
-            label: label.into(),
-            score,
-            caption: String::new(),
-        };
+        let mask =
+            |label: &str, score: f32| Mask::new(Rle::from_counts(1, 1, &[0, 1]).expect("one pixel"), label, score);
         let masks = [mask("sofa", 0.6), mask("couch", 0.2), mask("sofa", 0.3), mask("bed", f32::NAN)];
         let (histogram, best) = frame_histogram(&masks.iter().collect::<Vec<_>>());
         assert_eq!(best.label, "sofa");

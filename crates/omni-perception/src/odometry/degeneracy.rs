@@ -1,0 +1,62 @@
+//! Directions in which the room says nothing: along a corridor, along a single wall.
+//!
+//! The normals of all cells in use are added up as n n^T. Its eigenvalues count the cells that look along each
+//! direction; where there are too few, what little they say (it is mostly the error of their normals) is left out
+//! and the inertial sensor carries the state alone (solution remapping: Zhang, Kaess, Singh, ICRA 2016).
+
+use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
+
+use crate::odometry::update::NormalEquations;
+
+/// Share of all cells below which a direction is degenerate as well: the errors of many normals add up.
+const MIN_SHARE: f64 = 0.008;
+/// Turns are judged by lever arms relative to the range; below this share of the cells nothing turns the pose.
+const MIN_TURN_SHARE: f64 = 0.004;
+
+/// The directions that are not observed.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Degeneracy {
+    /// Unit directions in the world along which the position is not observed.
+    pub translations: Vec<Vector3<f64>>,
+    /// Unit axes in the IMU frame about which the rotation is not observed.
+    pub rotations: Vec<Vector3<f64>>,
+}
+
+impl Degeneracy {
+    /// Looks for unobserved directions.
+    pub fn of(equations: &NormalEquations, min_cells: f64) -> Degeneracy {
+        let cells = equations.directions.trace();
+        Degeneracy {
+            translations: weak_directions(&equations.directions, min_cells.max(MIN_SHARE * cells)),
+            rotations: weak_directions(&equations.turns, (0.25 * min_cells).max(MIN_TURN_SHARE * cells)),
+        }
+    }
+
+    /// Whether everything is observed.
+    pub fn is_none(&self) -> bool {
+        self.translations.is_empty() && self.rotations.is_empty()
+    }
+
+    /// The projection onto what is observed, for (p, theta).
+    pub fn keep(&self) -> Matrix6<f64> {
+        let mut keep = Matrix6::identity();
+        let without = |directions: &[Vector3<f64>]| {
+            directions.iter().fold(Matrix3::identity(), |keep, d| keep - d * d.transpose())
+        };
+        keep.fixed_view_mut::<3, 3>(0, 0).copy_from(&without(&self.translations));
+        keep.fixed_view_mut::<3, 3>(3, 3).copy_from(&without(&self.rotations));
+        keep
+    }
+}
+
+fn weak_directions(matrix: &Matrix3<f64>, threshold: f64) -> Vec<Vector3<f64>> {
+    // The smallest eigenvalue is at least det / (trace/2)^2: in most scans that settles it.
+    let bound = matrix.determinant() * 4.0 / matrix.trace().powi(2);
+    if bound > threshold {
+        return Vec::new();
+    }
+    let eigen = SymmetricEigen::new(*matrix);
+    let mut weak: Vec<_> = (0..3).filter(|&k| eigen.eigenvalues[k] < threshold).collect();
+    weak.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    weak.iter().map(|&k| eigen.eigenvectors.column(k).into_owned()).collect()
+}
