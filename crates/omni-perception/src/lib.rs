@@ -59,6 +59,7 @@
 //! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
+pub mod camera;
 pub mod deskew;
 pub mod encoder;
 pub mod equirectangular;
@@ -82,9 +83,11 @@ pub mod rle;
 pub mod sensors;
 pub mod so3;
 pub mod stamp;
+pub mod stitch;
 pub mod trajectory;
 pub mod vote;
 
+pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};
 pub use deskew::{DeskewConfig, DeskewError, DeskewedScan, Dropped, ReferenceTime, deskew, deskew_exactly};
 pub use encoder::{EncoderError, EncoderSample, EncoderTrack};
 pub use equirectangular::{CameraError, Equirectangular, Pixel, pixel_as_printed};
@@ -104,5 +107,6 @@ pub use registration::{
 pub use rle::{Rle, RleError, Span};
 pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
+pub use stitch::{Gain, Lens, LensPixel, StitchConfig, StitchError, Stitcher, stitch_plainly};
 pub use trajectory::{Trajectory, TrajectoryError};
 pub use vote::{LabelVote, VoteResult};

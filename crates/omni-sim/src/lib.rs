@@ -76,6 +76,7 @@ pub mod door_leaves;
 pub mod doors;
 pub mod encoder;
 pub mod equirect;
+pub mod fisheye;
 pub mod fitness;
 pub mod floorplan;
 pub mod furniture;
