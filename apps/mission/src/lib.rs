@@ -27,6 +27,7 @@ pub mod llm_reasoner;
 pub mod map_frame;
 pub mod mission;
 pub mod navigation;
+pub mod odometry_run;
 pub mod openai;
 pub mod reach;
 pub mod reasoning;

@@ -1,7 +1,8 @@
-//! The toolbox: ask a saved scene graph, run benches.
+//! The toolbox: ask a saved scene graph, follow a recording, run benches.
 
 mod ask;
 mod bench;
+mod odometry;
 
 use std::process::ExitCode;
 
@@ -19,6 +20,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
+    Odometry(odometry::OdometryOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -33,6 +36,7 @@ enum BenchCommand {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
     };
     match result {
