@@ -30,6 +30,7 @@ pub mod map_frame;
 pub mod mission;
 pub mod navigation;
 pub mod odometer;
+pub mod odometry_run;
 pub mod openai;
 pub mod reach;
 pub mod reasoning;

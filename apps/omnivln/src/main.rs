@@ -2,6 +2,7 @@
 
 mod ask;
 mod bench;
+mod odometry;
 mod record;
 mod register;
 
@@ -25,6 +26,8 @@ enum Command {
     Register(register::RegisterOptions),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
     Record(record::RecordOptions),
+    /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
+    Odometry(odometry::OdometryOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         Command::Ask(options) => ask::run(&options),
         Command::Register(options) => register::run(&options),
         Command::Record(options) => record::run(&options),
+        Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
     };

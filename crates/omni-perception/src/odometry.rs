@@ -32,7 +32,7 @@ mod wide;
 use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector3};
 
 use self::config::{LioConfig, LioConfigError};
-use self::filter::{Belief, Filter, carry, moved};
+use self::filter::{Belief, Filter, moved, standing};
 use self::inertial::{ImuBuffer, ImuFault};
 use self::initialisation::{first_covariance, levelled, rest, state_at_rest};
 use self::motion_start::start_in_motion;
@@ -81,7 +81,9 @@ const MAX_SCAN_S: f64 = 1.0;
 /// What a standing body may move, and what half a second of standing leaves open of the gyroscope's bias.
 const REST_VELOCITY_SIGMA_MPS: f64 = 0.01;
 const REST_BIAS_SIGMA_RADPS: f64 = 1e-3;
-/// Samples kept before the first waiting scan, so that rest can be seen; readings of the encoder kept before a scan.
+/// A body that is slower than this and whose IMU shows rest stands.
+const STANDING_MPS: f64 = 0.05;
+/// Samples kept before a scan, so that rest can be seen; readings of the encoder kept before a scan.
 const REST_MEMORY_S: f64 = 0.6;
 const ENCODER_MEMORY_S: f64 = 0.1;
 /// How far the encoder may lag behind a scan's end.
@@ -221,7 +223,8 @@ impl LidarInertialOdometry {
         if end > filter.belief.state.stamp {
             // 1. The IMU carries the state to the scan's end.
             let (mut predicted, mut knots) = self.carried(&filter.belief, end);
-            if self.supervision.should_search(&predicted, self.config.lost_after_s) && !filter.map.is_empty() {
+            let is_doubtful = self.supervision.should_search(&predicted, &filter.unobserved, self.config.lost_after_s);
+            if is_doubtful && !filter.map.is_empty() {
                 let (rig, sweep) = (&self.rig, &mut self.sweep);
                 if let Some(found) = filter.search(scan, rig, sweep, &predicted, &knots, &self.config) {
                     predicted = found;
@@ -230,6 +233,10 @@ impl LidarInertialOdometry {
             }
             // 2., 3., 4. The points meet the map, its planes correct the state, the points become part of the map.
             report = filter.step(scan, &self.rig, &self.imu, &mut self.sweep, predicted, knots, &self.config);
+            let is_slow = filter.belief.state.velocity_mps.norm() < STANDING_MPS;
+            if !report.degeneracy.is_none() && is_slow && rest(self.imu.samples(), &self.config).is_some() {
+                filter.belief = standing(&filter.belief).unwrap_or(filter.belief);
+            }
             self.supervision.judge(&report, self.sweep.points(), self.config.lost_after_s);
         }
         report.status = self.supervision.status;
@@ -242,12 +249,8 @@ impl LidarInertialOdometry {
         Ok(report)
     }
 
-    /// Carries a belief on as far as it can be trusted.
     fn carried(&self, belief: &Belief, to: Stamp) -> (Belief, Vec<Knot>) {
-        let motion = self.supervision.motion(to);
-        let (mut carried, knots) = carry(belief, to, motion, &self.imu, &self.config);
-        self.supervision.bound(&mut carried, belief, to);
-        (carried, knots)
+        self.supervision.carried(belief, to, &self.imu, &self.config)
     }
 
     /// Goes on from the end of the last scan to the newest sample.
@@ -255,7 +258,7 @@ impl LidarInertialOdometry {
         let end = filter.belief.state.stamp;
         let newest = self.imu.last().unwrap_or(end).max(end);
         self.newest = Some(self.carried(&filter.belief, newest).0);
-        self.imu.forget_before(end);
+        self.imu.forget_before(end.plus_seconds(-REST_MEMORY_S));
         self.rig.encoder.forget_before(end.plus_seconds(-ENCODER_MEMORY_S));
         self.filter = Some(filter);
     }
@@ -326,6 +329,6 @@ impl LidarInertialOdometry {
         let map = std::mem::replace(&mut self.first_map, map);
         self.supervision.begin(rest.stamp, !map.is_empty());
         self.waiting.clear();
-        self.continue_with(Filter { belief: Belief { state, covariance }, map, knots: Vec::new() });
+        self.continue_with(Filter::new(Belief { state, covariance }, map));
     }
 }

@@ -52,6 +52,8 @@ pub struct LioConfig {
     pub encoder_latency_s: f64,
     /// Whether the LiDAR turns on a motor; without, the angle is zero for ever. Default true.
     pub is_rotating: bool,
+    /// Threads over which the points of a scan are spread; the result is the same to the bit. Default 1.
+    pub threads: usize,
     /// Time of the pose of [`crate::LidarInertialOdometry::estimate_at_scan`]. Default the end of the scan.
     pub reference: ReferenceTime,
 }
@@ -81,6 +83,7 @@ impl Default for LioConfig {
             lost_after_s: 0.4,
             encoder_latency_s: 0.0,
             is_rotating: true,
+            threads: 1,
             reference: ReferenceTime::End,
         }
     }
@@ -135,6 +138,7 @@ impl LioConfig {
             ("points_per_cell", f64::from(self.points_per_cell), 5.0, 1e6),
             ("max_iterations", self.max_iterations as f64, 1.0, 100.0),
             ("min_cells_per_direction", self.min_cells_per_direction, 0.0, 1e6),
+            ("threads", self.threads as f64, 1.0, 64.0),
             ("lost_after_s", self.lost_after_s, 0.01, 100.0),
             ("encoder_latency_s", self.encoder_latency_s, -1.0, 1.0),
         ];

@@ -49,7 +49,8 @@ impl Degeneracy {
     }
 }
 
-fn weak_directions(matrix: &Matrix3<f64>, threshold: f64) -> Vec<Vector3<f64>> {
+/// The eigenvectors with eigenvalues below a threshold, the weakest first.
+pub(crate) fn weak_directions(matrix: &Matrix3<f64>, threshold: f64) -> Vec<Vector3<f64>> {
     // The smallest eigenvalue is at least det / (trace/2)^2: in most scans that settles it.
     let bound = matrix.determinant() * 4.0 / matrix.trace().powi(2);
     if bound > threshold {

@@ -1,10 +1,10 @@
 //! The filter without its surroundings: a belief, a map, and one scan at a time.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use crate::odometry::config::LioConfig;
 use crate::odometry::inertial::{ImuBuffer, Motion};
-use crate::odometry::propagation::Knot;
+use crate::odometry::propagation::{Knot, symmetric};
 use crate::odometry::report::ScanReport;
 use crate::odometry::state::{Covariance, ImuState, ROTATION, VELOCITY};
 use crate::odometry::sweep::{SensorMotion, Sweep, SweepLimits};
@@ -18,6 +18,9 @@ const MIN_FIRST_POINTS: usize = 500;
 /// Spread of a pose that was found by a wide search.
 const FOUND_POSITION_SIGMA_M: f64 = 0.03;
 const FOUND_ROTATION_SIGMA_RAD: f64 = 0.01;
+
+/// What a standing body may still move.
+const STANDING_SIGMA_MPS: f64 = 0.01;
 
 /// State and covariance at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,9 +36,16 @@ pub(crate) struct Filter {
     pub map: VoxelMap,
     /// The way through the last scan.
     pub knots: Vec<Knot>,
+    /// Directions without information in the last scan.
+    pub unobserved: Vec<Vector3<f64>>,
 }
 
 impl Filter {
+    /// A filter that begins.
+    pub(crate) fn new(belief: Belief, map: VoxelMap) -> Filter {
+        Filter { belief, map, knots: Vec::new(), unobserved: Vec::new() }
+    }
+
     /// Tracks a scan from a prediction to its end and puts it into the map. The report's status is left to the
     /// caller.
     #[allow(clippy::too_many_arguments)] // as track
@@ -53,7 +63,8 @@ impl Filter {
         self.knots.clone_from(&knots);
         self.belief = predicted;
         let Belief { state, covariance } = &predicted;
-        let Some(tracked) = track(scan, rig, imu, &self.map, sweep, state, covariance, knots, config) else {
+        let Some(tracked) = track(scan, rig, imu, &self.map, sweep, state, covariance, knots, &self.unobserved, config)
+        else {
             return report;
         };
         if let Some(updated) = &tracked.updated {
@@ -73,6 +84,9 @@ impl Filter {
         report.outliers = tracked.outliers;
         report.iterations = tracked.iterations;
         report.rmse_m = tracked.rmse_m;
+        if report.is_update_valid {
+            self.unobserved.clone_from(&tracked.degeneracy.translations);
+        }
         report.degeneracy = tracked.degeneracy;
         report.map_voxels = self.map.len();
         report
@@ -107,6 +121,17 @@ impl Filter {
     }
 }
 
+/// The belief once it is known that the body stands: v = 0 with a small spread. Along a corridor nothing else says so, and
+/// only this tells the accelerometer's bias from gravity there.
+pub(crate) fn standing(belief: &Belief) -> Option<Belief> {
+    let covariance = &belief.covariance;
+    let columns = covariance.fixed_columns::<3>(VELOCITY).into_owned();
+    let spread = covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY) + Matrix3::identity() * STANDING_SIGMA_MPS.powi(2);
+    let gain = columns * spread.cholesky()?.inverse();
+    let state = belief.state.boxplus(&(gain * -belief.state.velocity_mps));
+    Some(Belief { state, covariance: symmetric(&(covariance - gain * columns.transpose())) })
+}
+
 /// The scan thinned by the map's voxels, without regard to planes, in the IMU frame at its end.
 pub(crate) fn points_in_imu(
     scan: &RawScan,
@@ -124,7 +149,7 @@ pub(crate) fn points_in_imu(
         gate_m: f32::INFINITY,
         stride: stride(scan, config),
     };
-    sweep.collect(scan, &motion, map, &limits);
+    sweep.collect(scan, &motion, map, &limits, config.threads);
     let imu_from_world = end.world_from_imu().inverse();
     Some(sweep.patches.iter().map(|patch| imu_from_world * (map.centre(patch.key) + patch.mean())).collect())
 }

@@ -14,6 +14,8 @@ use crate::{ImuSample, Stamp};
 const GAP_S: f64 = 0.05;
 /// Variance of the noise over a gap or at a saturated sample, relative to the usual one.
 const DOUBTFUL_INFLATION: f64 = 1e4;
+/// A longer silence must be confirmed by a second sample: one wrong stamp would shut out all later ones.
+const MAX_JUMP_S: f64 = 2.0;
 /// Samples kept: enough for scans that come two seconds late at 1 kHz.
 const MAX_SAMPLES: usize = 4096;
 
@@ -29,6 +31,14 @@ pub enum ImuFault {
     /// The sample is not later than the last one.
     #[error("the IMU sample at {stamp} is not later than the last one at {last}")]
     NotLater {
+        /// Time of the sample.
+        stamp: Stamp,
+        /// Time of the last one.
+        last: Stamp,
+    },
+    /// The sample is far ahead of the last one. If the next one follows it, both clocks have moved, and it is taken.
+    #[error("the IMU sample at {stamp} is more than {MAX_JUMP_S} s ahead of the last one at {last}")]
+    JumpsAhead {
         /// Time of the sample.
         stamp: Stamp,
         /// Time of the last one.
@@ -58,6 +68,8 @@ pub(crate) struct Interval {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ImuBuffer {
     samples: VecDeque<ImuSample>,
+    /// A sample far ahead that waits for another one.
+    ahead: Option<Stamp>,
 }
 
 impl ImuBuffer {
@@ -70,6 +82,12 @@ impl ImuBuffer {
         if let Some(last) = self.last().filter(|&last| stamp <= last) {
             return Err(ImuFault::NotLater { stamp, last });
         }
+        let jumps = |from: Stamp| stamp <= from || stamp.seconds_since(from) > MAX_JUMP_S;
+        if let Some(last) = self.last().filter(|&last| jumps(last) && self.ahead.is_none_or(jumps)) {
+            self.ahead = Some(stamp);
+            return Err(ImuFault::JumpsAhead { stamp, last });
+        }
+        self.ahead = None;
         if self.samples.len() == MAX_SAMPLES {
             self.samples.pop_front();
         }
@@ -188,6 +206,7 @@ fn interval(
     let input = ImuInput {
         rate_radps: head.angular_velocity_radps.lerp(&tail.angular_velocity_radps, share),
         force_mps2: head.specific_force_mps2.lerp(&tail.specific_force_mps2, share),
+        is_coasting: false,
     };
     let saturated = |sample: &ImuSample| {
         sample.angular_velocity_radps.amax() >= config.gyro_range_radps
@@ -212,5 +231,5 @@ fn treated(interval: &Interval, state: &ImuState, motion: Motion) -> (ImuInput, 
     let half = (interval.input.rate_radps - state.gyro_bias_radps) * (0.5 * dt_s);
     let middle = state.rotation * UnitQuaternion::from_scaled_axis(half);
     let force_mps2 = middle.inverse() * -state.gravity_mps2() + state.accel_bias_mps2;
-    (ImuInput { force_mps2, ..interval.input }, inflation)
+    (ImuInput { force_mps2, is_coasting: true, ..interval.input }, inflation)
 }

@@ -184,7 +184,7 @@ fn run(
         false => *first,
     };
     let belief = Belief { state: beginning, covariance: *covariance };
-    let mut filter = Filter { belief, map: empty.clone(), knots: Vec::new() };
+    let mut filter = Filter::new(belief, empty.clone());
     let mut last = f64::INFINITY;
     for scan in scans {
         let (predicted, knots) = carry(&filter.belief, scan.end(), Motion::Inertial, imu, config);

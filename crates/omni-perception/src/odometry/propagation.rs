@@ -24,6 +24,8 @@ pub struct ImuInput {
     pub rate_radps: Vector3<f64>,
     /// Specific force, bias included.
     pub force_mps2: Vector3<f64>,
+    /// The force is not believed; it is what carries the body's weight, and the velocity stays as it is.
+    pub is_coasting: bool,
 }
 
 /// The motion over one interval: everything a point's pose needs.
@@ -58,7 +60,10 @@ pub fn step(state: &ImuState, input: &ImuInput, until: Stamp) -> (ImuState, Knot
     let dt_s = until.seconds_since(state.stamp);
     let rate = input.rate_radps - state.gyro_bias_radps;
     let middle = state.rotation * UnitQuaternion::from_scaled_axis(rate * (0.5 * dt_s));
-    let acceleration = middle * (input.force_mps2 - state.accel_bias_mps2) + state.gravity_mps2();
+    let acceleration = match input.is_coasting {
+        true => Vector3::zeros(),
+        false => middle * (input.force_mps2 - state.accel_bias_mps2) + state.gravity_mps2(),
+    };
     let knot = Knot {
         stamp: state.stamp,
         rotation: state.rotation,
@@ -180,7 +185,7 @@ mod tests {
     #[test]
     fn half_a_second_of_free_fall() {
         let start = ImuState::at_rest(Stamp(0));
-        let weightless = ImuInput { rate_radps: Vector3::zeros(), force_mps2: Vector3::zeros() };
+        let weightless = ImuInput { rate_radps: Vector3::zeros(), force_mps2: Vector3::zeros(), is_coasting: false };
         let (end, _) = step(&start, &weightless, Stamp(500_000_000));
         assert!((end.position_m.z + 0.5 * 9.81 * 0.25).abs() < 1e-12);
         assert!((end.velocity_mps.z + 9.81 * 0.5).abs() < 1e-12);
@@ -191,7 +196,7 @@ mod tests {
         // 20 steps of 5 ms: the variance of the angle is density^2 * time, whatever the step.
         let config = LioConfig { gyro_noise_density: 1e-2, ..LioConfig::default() };
         let (mut state, mut covariance) = (ImuState::at_rest(Stamp(0)), Covariance::zeros());
-        let still = ImuInput { rate_radps: Vector3::zeros(), force_mps2: Vector3::z() * 9.81 };
+        let still = ImuInput { rate_radps: Vector3::zeros(), force_mps2: Vector3::z() * 9.81, is_coasting: false };
         for k in 1..=20 {
             let until = Stamp(k * 5_000_000);
             covariance = propagate_covariance(&covariance, &state, &still, until, &config, 1.0);

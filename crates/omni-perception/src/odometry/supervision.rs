@@ -5,16 +5,17 @@
 //! the map again, also from some way off, tracking goes on; when they do not for [`RESTART_S`], the map is begun anew from
 //! the pose that is held.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::Stamp;
 use crate::odometry::TrackingStatus;
-use crate::odometry::filter::Belief;
-use crate::odometry::inertial::Motion;
+use crate::odometry::config::LioConfig;
+use crate::odometry::filter::{Belief, carry};
+use crate::odometry::inertial::{ImuBuffer, Motion};
+use crate::odometry::propagation::Knot;
 use crate::odometry::report::ScanReport;
 use crate::odometry::state::POSITION;
-use crate::odometry::tracking::MAX_SPREAD_M;
-use crate::odometry::tracking::spread;
+use crate::odometry::tracking::{MAX_SPREAD_M, spread};
 
 /// Time for which the inertial sensor alone is believed.
 const COAST_S: f64 = 1.0;
@@ -54,28 +55,40 @@ impl Supervision {
     }
 
     /// How the state is carried on at `now`.
-    pub(crate) fn motion(&self, now: Stamp) -> Motion {
+    fn motion(&self, now: Stamp) -> Motion {
         if self.seconds_without_update(now) > COAST_S { Motion::Coasting } else { Motion::Inertial }
     }
 
-    /// Bounds a belief that was carried on for `dt_s` to `now`.
-    pub(crate) fn bound(&self, belief: &mut Belief, before: &Belief, now: Stamp) {
-        if self.motion(now) == Motion::Inertial {
-            return;
+    /// Carries a belief on as far as it can be trusted: v(t) = v exp(-t / fade) once the inertial sensor cannot be.
+    pub(crate) fn carried(
+        &self,
+        before: &Belief,
+        now: Stamp,
+        imu: &ImuBuffer,
+        config: &LioConfig,
+    ) -> (Belief, Vec<Knot>) {
+        let motion = self.motion(now);
+        if motion == Motion::Inertial {
+            return carry(before, now, motion, imu, config);
         }
-        let dt_s = now.seconds_since(before.state.stamp);
-        belief.state.velocity_mps *= (-dt_s / FADE_S).exp();
+        let dt_s = now.seconds_since(before.state.stamp).max(1e-9);
+        let left = (-dt_s / FADE_S).exp();
+        let mut mean = *before;
+        mean.state.velocity_mps *= (1.0 - left) * FADE_S / dt_s;
+        let (mut belief, knots) = carry(&mean, now, motion, imu, config);
+        belief.state.velocity_mps = before.state.velocity_mps * left;
         let position: Matrix3<f64> = belief.covariance.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
         if position.trace() > UNKNOWN_M * UNKNOWN_M {
             belief.covariance = before.covariance;
         }
+        (belief, knots)
     }
 
     /// Whether a usual update may miss the map.
-    pub(crate) fn should_search(&self, predicted: &Belief, lost_after_s: f64) -> bool {
+    pub(crate) fn should_search(&self, predicted: &Belief, unobserved: &[Vector3<f64>], lost_after_s: f64) -> bool {
         self.must_search
             || self.seconds_without_update(predicted.state.stamp) > lost_after_s
-            || spread(&predicted.covariance) > 1.5 * MAX_SPREAD_M
+            || spread(&predicted.covariance, unobserved) > 1.5 * MAX_SPREAD_M
     }
 
     /// Takes over what a scan showed.

@@ -63,6 +63,14 @@ impl Patch {
         Moments { count, mean, scatter: about_middle - mean * mean.transpose() * count }
     }
 
+    /// Takes over the points of the same cell from another part of the scan.
+    fn join(&mut self, other: &Patch) {
+        self.count += other.count;
+        self.outliers += other.outliers;
+        self.sum.iter_mut().zip(other.sum).for_each(|(sum, more)| *sum += more);
+        self.scatter.iter_mut().zip(other.scatter).for_each(|(sum, more)| *sum += more);
+    }
+
     fn add(&mut self, units: [i32; 3]) {
         let [x, y, z] = units.map(i64::from);
         self.count += 1;
@@ -144,19 +152,78 @@ pub(crate) struct SweepLimits {
     pub stride: usize,
 }
 
-/// Buffers that live from scan to scan.
+/// The patches of a scan, and buffers that live from scan to scan.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sweep {
     /// The patches of the last scan, ordered by voxel.
     pub patches: Vec<Patch>,
-    patch_of_voxel: FxHashMap<VoxelKey, u32>,
     /// What was left out.
     pub dropped: Dropped,
+    parts: Vec<Part>,
 }
 
 impl Sweep {
-    /// Adds up the points of a scan.
-    pub(crate) fn collect(&mut self, scan: &RawScan, motion: &SensorMotion, map: &VoxelMap, limits: &SweepLimits) {
+    /// Adds up the points of a scan, in as many parts as there are `threads`.
+    pub(crate) fn collect(
+        &mut self,
+        scan: &RawScan,
+        motion: &SensorMotion,
+        map: &VoxelMap,
+        limits: &SweepLimits,
+        threads: usize,
+    ) {
+        self.parts.resize_with(threads.max(1), Part::default);
+        let size = scan.points.len().div_ceil(self.parts.len()).next_multiple_of(limits.stride).max(1);
+        let mut chunks = scan.points.chunks(size);
+        let (first, others) = self.parts.split_first_mut().expect("there is at least one part");
+        std::thread::scope(|scope| {
+            let first_chunk = chunks.next().unwrap_or(&[]);
+            for part in others {
+                let chunk = chunks.next().unwrap_or(&[]);
+                scope.spawn(|| part.collect(chunk, motion, map, limits));
+            }
+            first.collect(first_chunk, motion, map, limits);
+        });
+        self.join();
+    }
+
+    /// Points in all patches.
+    pub(crate) fn points(&self) -> usize {
+        self.patches.iter().map(|patch| (patch.count + patch.outliers) as usize).sum()
+    }
+
+    /// Puts the parts together. The sums are whole numbers: where the scan was cut does not show.
+    fn join(&mut self) {
+        self.patches.clear();
+        self.dropped = Dropped::default();
+        for part in &self.parts {
+            self.patches.extend_from_slice(&part.patches);
+            self.dropped.non_finite += part.dropped.non_finite;
+            self.dropped.outside_time += part.dropped.outside_time;
+            self.dropped.too_near += part.dropped.too_near;
+            self.dropped.too_far += part.dropped.too_far;
+        }
+        self.patches.sort_unstable_by_key(|patch| patch.key);
+        self.patches.dedup_by(|next, kept| {
+            let is_same = next.key == kept.key;
+            if is_same {
+                kept.join(next);
+            }
+            is_same
+        });
+    }
+}
+
+/// What one thread adds up.
+#[derive(Debug, Clone, Default)]
+struct Part {
+    patches: Vec<Patch>,
+    patch_of_voxel: FxHashMap<[i32; 3], u32>,
+    dropped: Dropped,
+}
+
+impl Part {
+    fn collect(&mut self, points: &[RawPoint], motion: &SensorMotion, map: &VoxelMap, limits: &SweepLimits) {
         self.patches.clear();
         self.patch_of_voxel.clear();
         self.dropped = Dropped::default();
@@ -164,7 +231,7 @@ impl Sweep {
         let (cell_m, cells_per_m) = (map.cell_m(), 1.0 / map.cell_m());
         let mut last = (u32::MAX, None);
         let mut last_of_ring = [([i32::MIN; 3], 0_u32); RINGS];
-        for point in scan.points.iter().step_by(limits.stride) {
+        for point in points.iter().step_by(limits.stride) {
             let RawPoint { position, offset_ns, ring } = point;
             let square = position.coords.norm_squared();
             // Written so that NaN goes here as well.
@@ -184,6 +251,7 @@ impl Sweep {
             let local = world.map(|x| (x * cells_per_m).floor());
             let voxel = [local.x as i32, local.y as i32, local.z as i32];
             let from_middle = world - local.map(|x| (x + 0.5) * cell_m);
+            // Neighbouring returns of a beam mostly fall into one cell.
             let memory = &mut last_of_ring[usize::from(*ring) % RINGS];
             if memory.0 != voxel {
                 *memory = (voxel, self.patch(voxel, motion, map));
@@ -199,18 +267,12 @@ impl Sweep {
             let units = from_middle * UNITS_PER_M;
             patch.add([units.x as i32, units.y as i32, units.z as i32]);
         }
-        self.patches.sort_unstable_by_key(|patch| patch.key);
-    }
-
-    /// Points in all patches.
-    pub(crate) fn points(&self) -> usize {
-        self.patches.iter().map(|patch| (patch.count + patch.outliers) as usize).sum()
     }
 
     fn patch(&mut self, voxel: [i32; 3], motion: &SensorMotion, map: &VoxelMap) -> u32 {
-        let key = [0, 1, 2].map(|k| motion.anchor[k].saturating_add(voxel[k]));
         let patches = &mut self.patches;
-        *self.patch_of_voxel.entry(key).or_insert_with(|| {
+        *self.patch_of_voxel.entry(voxel).or_insert_with(|| {
+            let key = [0, 1, 2].map(|k| motion.anchor[k].saturating_add(voxel[k]));
             let middle = Vector3::from(voxel.map(|k| (k as f32 + 0.5) * map.cell_m()));
             let cell = map.cell_towards(key, &(motion.sensor - middle));
             let plane = if cell == NO_CELL { [0.0; 4] } else { map.cells()[cell as usize].plane };

@@ -64,10 +64,11 @@ pub(crate) fn track(
     predicted: &ImuState,
     covariance: &Covariance,
     mut knots: Vec<Knot>,
+    unobserved: &[Vector3<f64>],
     config: &LioConfig,
 ) -> Option<Tracked> {
     let from = knots.first()?.stamp;
-    let mut spread_m = spread(covariance);
+    let mut spread_m = spread(covariance, unobserved);
     let mut start = *predicted;
     let mut iterations = 0;
     let mut pass = 0;
@@ -81,7 +82,7 @@ pub(crate) fn track(
             gate_m: gate_m as f32,
             stride: stride(scan, config),
         };
-        sweep.collect(scan, &motion, map, &limits);
+        sweep.collect(scan, &motion, map, &limits, config.threads);
         let swept_with = start.world_from_imu();
         let corner = map.centre(motion.anchor) - Vector3::repeat(0.5 * f64::from(map.cell_m()));
         let sensor = corner + motion.sensor.cast::<f64>();
@@ -137,9 +138,12 @@ pub(crate) fn stride(scan: &RawScan, config: &LioConfig) -> usize {
     scan.points.len().div_ceil(config.max_points_per_scan).max(1)
 }
 
-/// How far the prediction may be off at a few metres' range.
-pub(crate) fn spread(covariance: &Covariance) -> f64 {
-    let position = covariance.fixed_view::<3, 3>(POSITION, POSITION).trace();
+/// How far the prediction may be off at a few metres' range, in the directions that were observed lately: along a
+/// corridor it may be off by much, and no plane stands in the way.
+pub(crate) fn spread(covariance: &Covariance, unobserved: &[Vector3<f64>]) -> f64 {
+    let block = covariance.fixed_view::<3, 3>(POSITION, POSITION);
+    let along: f64 = unobserved.iter().map(|direction| direction.dot(&(block * direction))).sum();
+    let position = (block.trace() - along).max(0.0);
     let rotation = covariance.fixed_view::<3, 3>(ROTATION, ROTATION).trace();
     (position + LEVER_M * LEVER_M * rotation).sqrt()
 }

@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
 use crate::odometry::propagation::symmetric;
-use crate::odometry::state::{Covariance, DOF, ImuState, ROTATION, Tangent, right_jacobian};
+use crate::odometry::state::{Covariance, DOF, ImuState, POSITION, ROTATION, Tangent, VELOCITY, right_jacobian};
 
 /// Residuals larger than this many standard deviations lose weight (Huber).
 const HUBER_SIGMAS: f64 = 2.0;
@@ -121,7 +121,10 @@ pub struct Updated {
     pub has_converged: bool,
 }
 
-/// Iterates from `start` (the prediction, or a better guess). `keep` projects the measurements ([`NormalEquations::projected`]).
+/// Iterates from `start` (the prediction, or a better guess). `keep` projects the measurements
+/// ([`NormalEquations::projected`]); what it leaves out of the position is not corrected at all, nor is the velocity there:
+/// the walls of a corridor are known to a millimetre, and a map bent by a thousandth would else move the state along it
+/// through the correlations (a "consider" update, Schmidt 1966).
 /// `None` if the covariance of the pose is not positive definite or a number is not finite.
 pub fn update(
     predicted: &ImuState,
@@ -139,7 +142,9 @@ pub fn update(
     let mut error = state.boxminus(predicted);
     for iteration in 1.. {
         let equations = NormalEquations::new(&state, residuals);
-        let equations = equations.projected(&keep(&equations));
+        let kept = keep(&equations);
+        let equations = equations.projected(&kept);
+        let held = held(&kept);
         let turned = in_tangent_of_prediction(&equations, &error);
         let (information, gradient) = (&turned.information, &turned.gradient);
         let inner = (Matrix6::identity() + factor.transpose() * information * factor).cholesky()?;
@@ -148,7 +153,7 @@ pub fn update(
         let pull = information * error_of_pose + gradient;
         let solved = inner.solve(&(factor.transpose() * pull));
         let solved = factor.transpose().solve_upper_triangular(&solved)?;
-        let next: Tangent = columns * solved;
+        let next: Tangent = held.map_or_else(|| columns * solved, |held| held * (columns * solved));
         let step = (next - error).fixed_rows::<6>(0).amax();
         error = next;
         state = predicted.boxplus(&error);
@@ -160,11 +165,38 @@ pub fn update(
             let whitened: SMatrix<f64, 6, DOF> = factor.solve_lower_triangular(&columns.transpose())?;
             let share = Matrix6::identity() - inner.inverse();
             let posterior = covariance - whitened.transpose() * share * whitened;
+            let posterior = match &held {
+                Some(held) => considered(covariance, &posterior, information, held),
+                None => posterior,
+            };
             let covariance = symmetric(&reset(&posterior, &error));
             return Some(Updated { state, covariance, equations, iterations: iteration, has_converged });
         }
     }
     None
+}
+
+/// The projection of the whole error that leaves out what `kept` leaves out of the pose; `None` for none.
+fn held(kept: &Matrix6<f64>) -> Option<Covariance> {
+    if *kept == Matrix6::identity() {
+        return None;
+    }
+    let mut held = Covariance::identity();
+    let translations = kept.fixed_view::<3, 3>(0, 0);
+    held.fixed_view_mut::<3, 3>(POSITION, POSITION).copy_from(&translations);
+    held.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY).copy_from(&translations);
+    held.fixed_view_mut::<3, 3>(ROTATION, ROTATION).copy_from(&kept.fixed_view::<3, 3>(3, 3));
+    Some(held)
+}
+
+/// Covariance after an update whose gain was cut to `held` K: Joseph's form, right for any gain.
+/// K H = P' A and K R K^T = P' A P' with A = H^T W H in the first six rows and columns.
+fn considered(prior: &Covariance, posterior: &Covariance, information: &Matrix6<f64>, held: &Covariance) -> Covariance {
+    let columns: SMatrix<f64, DOF, 6> = held * posterior.fixed_columns::<6>(0);
+    let mut left = Covariance::identity();
+    let mut cut = left.fixed_columns_mut::<6>(0);
+    cut -= columns * information;
+    left * prior * left.transpose() + columns * information * columns.transpose()
 }
 
 /// The columns of theta times Jr(e_theta): from the tangent of the current state to that of the prediction.

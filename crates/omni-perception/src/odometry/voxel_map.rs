@@ -20,7 +20,7 @@ pub(crate) const NO_CELL: u32 = u32::MAX;
 /// Fewest points of a region with a plane.
 const MIN_COUNT: f64 = 12.0;
 /// Fewest points that a cell must have of its own.
-const MIN_OWN_COUNT: f32 = 3.0;
+const MIN_OWN_COUNT: f32 = 2.0;
 /// The share of cells that is given up when the map is full.
 const EVICTED_SHARE: f64 = 1.0 / 8.0;
 /// A cell whose plane was contradicted by so many scans running is emptied: the thing there is gone.
@@ -285,7 +285,11 @@ impl VoxelMap {
         };
         let limit = f64::from(self.points_per_cell);
         let own = cell.moments().limited(limit);
-        let neighbours = self.neighbours(&cell, limit);
+        let mut neighbours = self.neighbours(&cell, 1, limit);
+        if neighbours.iter().map(|moments| moments.count).sum::<f64>() + own.count < MIN_COUNT {
+            // Far away a scan leaves a point or two in a cell.
+            neighbours = self.neighbours(&cell, 2, limit);
+        }
         let merge = |keep: &dyn Fn(&Moments) -> bool| {
             let mut all = own;
             neighbours.iter().filter(|moments| keep(moments)).for_each(|moments| all.merge(moments));
@@ -310,15 +314,17 @@ impl VoxelMap {
         plane.map(|plane| plane.thickness_m2)
     }
 
-    /// The moments of the up to 26 neighbours that face the same way, from the middle of the cell's voxel.
-    fn neighbours(&self, cell: &Cell, limit: f64) -> Vec<Moments> {
+    /// The moments of the neighbours up to `reach` voxels away that face the same way, from the middle of the cell's
+    /// voxel.
+    fn neighbours(&self, cell: &Cell, reach: i32, limit: f64) -> Vec<Moments> {
         let mut result = Vec::with_capacity(26);
         let [x, y, z] = cell.key;
         let facing = |other: &Cell| {
             let direction = if other.has_plane() { &other.plane[..3] } else { &other.view[..] };
             direction.iter().zip(&cell.view).map(|(a, b)| a * b).sum::<f32>() > 0.0
         };
-        for (dx, dy, dz) in (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| (dx, dy, dz)))) {
+        let steps = || -reach..=reach;
+        for (dx, dy, dz) in steps().flat_map(|dx| steps().flat_map(move |dy| steps().map(move |dz| (dx, dy, dz)))) {
             if (dx, dy, dz) == (0, 0, 0) {
                 continue;
             }

@@ -3,8 +3,9 @@
 //! Used where the prediction cannot be trusted to a few centimetres: between the first scans of a moving body, after
 //! being lost, at the start in a saved map. Costs ten to thirty milliseconds, so it is never part of usual tracking.
 
-use nalgebra::{Isometry3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
+use crate::odometry::degeneracy::{Degeneracy, weak_directions};
 use crate::odometry::voxel_map::VoxelMap;
 
 /// Search radii with their numbers of steps.
@@ -17,6 +18,8 @@ const AGREES_M: f64 = 0.06;
 const MIN_AGREEING_SHARE: f64 = 0.6;
 /// Fewest points that must agree.
 const MIN_AGREEING: usize = 60;
+/// Share of all planes below which a direction is not observed.
+const MIN_SHARE: f64 = 0.01;
 /// Damping: information of a prior of this spread about the current pose keeps unobserved directions still, m and rad.
 const DAMPING_SIGMA: f64 = 0.3;
 
@@ -28,7 +31,8 @@ pub(crate) fn align(map: &VoxelMap, points: &[Point3<f64>], guess: &Isometry3<f6
         let stride = points.len().div_ceil(max_points).max(1);
         let offsets = offsets_within(radius_m, f64::from(map.cell_m()));
         for _ in 0..steps {
-            let mut information = Matrix6::identity() * (AGREES_M / DAMPING_SIGMA).powi(2);
+            let mut information = Matrix6::zeros();
+            let mut directions = Matrix3::zeros();
             let mut gradient = Vector6::zeros();
             agreeing = (0, 0);
             for point in points.iter().step_by(stride) {
@@ -42,8 +46,16 @@ pub(crate) fn align(map: &VoxelMap, points: &[Point3<f64>], guess: &Isometry3<f6
                 let row = Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z);
                 information += row * row.transpose() * weight;
                 gradient -= row * (weight * height_m);
+                directions += normal * normal.transpose() * weight;
             }
-            let step = information.cholesky()?.solve(&gradient);
+            // Where next to no plane looks along, the guess stays.
+            let keep = Degeneracy {
+                translations: weak_directions(&directions, MIN_SHARE * directions.trace()),
+                rotations: Vec::new(),
+            }
+            .keep();
+            let damping = Matrix6::identity() * (AGREES_M / DAMPING_SIGMA).powi(2);
+            let step = (keep * information * keep + damping).cholesky()?.solve(&(keep * gradient));
             let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
             let moved = pose.translation.vector + step.fixed_rows::<3>(0);
             pose = Isometry3::from_parts(

@@ -285,3 +285,5 @@ impl Moment {
         MaskedPanorama { stamp: Stamp(0), masks: self.masks.clone(), image: None }
     }
 }
+
+pub mod drive;
