@@ -23,6 +23,7 @@ use arena::record::{EPOCH_NS, RECORDING_MARK, RecordConfig, record};
 use arena::record_topics::TopicWriter;
 use arena::run_folder::RunFolder;
 use arena::simulation::Simulation;
+use arena::tour::Tour;
 use nalgebra::Point3;
 use serde_json::Value;
 use support::{robot, scene};
@@ -90,7 +91,12 @@ fn what_the_sensors_said_is_read_bit_for_bit_and_the_stators_points_are_the_roto
         let mut pilot = Pilot::new(
             PilotConfig { rest_s: 0.1, ..PilotConfig::default() },
             &robot,
-            vec![start.translation.vector.xy().into(), (start * Point3::new(1.0, 0.0, 0.0)).xy()],
+            &Tour {
+                way: vec![start.translation.vector.xy().into(), (start * Point3::new(1.0, 0.0, 0.0)).xy()],
+                room_m: vec![1.0; 2],
+                rooms: Vec::new(),
+                length_m: 1.0,
+            },
             &start,
             0.0,
         );
@@ -309,7 +315,8 @@ fn a_dataset_goes_on_where_it_stopped_and_leaves_other_folders_alone() {
     let folder = root.path().join("dataset");
     let stop = Arc::new(AtomicBool::new(false));
     let mut made = Vec::new();
-    let mut run = |count: usize| make_dataset(&folder, count, 1, &small(0.3), &stop, &mut |number, _, _| made.push(number));
+    let mut run =
+        |count: usize| make_dataset(&folder, count, 1, &small(0.3), &stop, &mut |number, _, _| made.push(number));
     let first = run(1).unwrap();
     let second = run(2).unwrap();
     made.dedup();

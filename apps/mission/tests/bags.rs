@@ -62,7 +62,11 @@ impl TimeStyle {
     fn bytes(&self, value: f64) -> Vec<u8> {
         macro_rules! number {
             ($type:ty) => {
-                if self.is_bigendian { (value as $type).to_be_bytes().to_vec() } else { (value as $type).to_le_bytes().to_vec() }
+                if self.is_bigendian {
+                    (value as $type).to_be_bytes().to_vec()
+                } else {
+                    (value as $type).to_le_bytes().to_vec()
+                }
             };
         }
         match self.datatype {
@@ -171,7 +175,9 @@ impl Maker {
 }
 
 fn rig_frames() -> [(&'static str, &'static str, Isometry3<f64>); 3] {
-    let turned = |x: f64| Isometry3::from_parts(Vector3::new(x, 0.02, 0.1).into(), UnitQuaternion::from_euler_angles(0.1, -0.2, x));
+    let turned = |x: f64| {
+        Isometry3::from_parts(Vector3::new(x, 0.02, 0.1).into(), UnitQuaternion::from_euler_angles(0.1, -0.2, x))
+    };
     [("base_link", "imu", turned(0.05)), ("imu", "lidar", turned(0.3)), ("rotor", "lidar_raw", turned(0.5))]
 }
 
@@ -185,11 +191,8 @@ fn imu_sample(ns: i64, value: f64) -> ImuSample {
 
 /// A scan of 30 points over its whole sweep.
 fn scan(start_ns: i64, value: f32) -> RawScan {
-    let point = |k: u32| RawPoint {
-        position: Point3::new(value, k as f32, -1.5),
-        offset_ns: k * 3_400_000,
-        ring: k as u16,
-    };
+    let point =
+        |k: u32| RawPoint { position: Point3::new(value, k as f32, -1.5), offset_ns: k * 3_400_000, ring: k as u16 };
     RawScan { start: Stamp(T0_NS + start_ns), points: (0..30).map(point).collect() }
 }
 
@@ -334,7 +337,8 @@ fn every_way_to_tell_the_time_gives_the_same_scans() {
         let (read, faults) = read(&path);
         assert!(faults.is_empty(), "{style:?}: {faults:?}");
         let scans = |events: &[SensorEvent]| -> Vec<RawScan> {
-            let scan = |event: &SensorEvent| if let SensorEvent::Scan(scan) = event { Some(scan.clone()) } else { None };
+            let scan =
+                |event: &SensorEvent| if let SensorEvent::Scan(scan) = event { Some(scan.clone()) } else { None };
             events.iter().filter_map(scan).collect()
         };
         let (read, written) = (scans(&read), scans(&written));
@@ -379,7 +383,10 @@ fn what_is_unclear_is_refused_with_what_was_found_and_what_would_do() {
     maker.event(&SensorEvent::Scan(scan(0, 1.0)));
     maker.finish();
     let text = refusal(&path);
-    assert!(text.contains("no topic of type sensor_msgs/msg/Imu") && text.contains("/points_raw (sensor_msgs"), "{text}");
+    assert!(
+        text.contains("no topic of type sensor_msgs/msg/Imu") && text.contains("/points_raw (sensor_msgs"),
+        "{text}"
+    );
 
     let (_root, path) = folder();
     let mut maker = Maker::new(&path, OURS);
@@ -391,7 +398,10 @@ fn what_is_unclear_is_refused_with_what_was_found_and_what_would_do() {
     let text = refusal(&path);
     assert!(text.contains("/camera/imu, /imu"), "{text}");
     let options = BagOptions { imu_topic: Some("/imu".into()), encoder_topic: None, ..BagOptions::default() };
-    assert!(matches!(Bag::open(&path, &options).err(), Some(BagError::NoTransform { .. })), "it turns and has no encoder");
+    assert!(
+        matches!(Bag::open(&path, &options).err(), Some(BagError::NoTransform { .. })),
+        "it turns and has no encoder"
+    );
 
     let (_root, path) = folder();
     let mut maker = Maker::new(&path, OURS);
@@ -466,12 +476,17 @@ fn gravities_become_metres_and_bad_messages_are_counted() {
     maker.scan("/points", "lidar", &RawScan { start: Stamp(T0_NS + 3 * SCAN_NS), points: Vec::new() });
     maker.finish();
     let (read, faults) = read(&path);
-    let force = read.iter().find_map(|event| if let SensorEvent::Imu(imu) = event { Some(imu.specific_force_mps2.z) } else { None });
+    let force = read
+        .iter()
+        .find_map(|event| if let SensorEvent::Imu(imu) = event { Some(imu.specific_force_mps2.z) } else { None });
     assert!((force.unwrap() - 1.01 * 9.806_65).abs() < 1e-9);
-    let scans: Vec<usize> =
-        read.iter().filter_map(|event| if let SensorEvent::Scan(scan) = event { Some(scan.points.len()) } else { None }).collect();
+    let scans: Vec<usize> = read
+        .iter()
+        .filter_map(|event| if let SensorEvent::Scan(scan) = event { Some(scan.points.len()) } else { None })
+        .collect();
     assert_eq!(scans, [30, 29, 30, 0]);
-    let is = |test: fn(&BagError) -> bool| faults.iter().any(|f| matches!(f, RecordingError::Bag(error) if test(error)));
+    let is =
+        |test: fn(&BagError) -> bool| faults.iter().any(|f| matches!(f, RecordingError::Bag(error) if test(error)));
     assert!(is(|error| matches!(error, BagError::NotLater { .. })));
     assert!(is(|error| matches!(error, BagError::PointsWithoutTime { count: 1, .. })));
     assert_eq!(faults.len(), 2, "{faults:?}");
