@@ -4,6 +4,8 @@ use mission::robot_model::{RobotKind, RobotModel};
 use mission::stream::{Command, FlightSetPoint};
 use nalgebra::{Isometry3, Point2, Point3, Vector2, Vector3};
 
+use crate::tour::Tour;
+
 /// How the way is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PilotConfig {
@@ -31,6 +33,12 @@ const STEER_PER_S: f64 = 2.5;
 const TURN_RADPS: f64 = 1.2;
 /// Braking toward the end of the way.
 const BRAKE_MPS2: f64 = 0.4;
+/// Where there is less room than this beside the robot, it goes more slowly in proportion, to cut no corner ...
+const NARROW_M: f64 = 0.3;
+/// ... but not below this part of its speed.
+const SLOWEST_PART: f64 = 0.25;
+/// How far ahead it looks for narrow places.
+const FORESIGHT_M: f64 = 0.6;
 /// Vertical speed of take-off.
 const CLIMB_MPS: f64 = 0.5;
 /// Pace of the filter that makes set-points smooth: position error, velocity and acceleration die out with it.
@@ -42,6 +50,7 @@ pub struct Pilot {
     config: PilotConfig,
     kind: RobotKind,
     way: Vec<Point2<f64>>,
+    room_m: Vec<f64>,
     /// Length of the way up to each of its points.
     along_m: Vec<f64>,
     progress_m: f64,
@@ -60,14 +69,9 @@ struct Flight {
 }
 
 impl Pilot {
-    /// A pilot for a way (at least one point) of a robot that stands at `start`.
-    pub fn new(
-        config: PilotConfig,
-        robot: &RobotModel,
-        way: Vec<Point2<f64>>,
-        start: &Isometry3<f64>,
-        floor_z_m: f64,
-    ) -> Pilot {
+    /// A pilot for a tour (of at least one point) with a robot that stands at `start`.
+    pub fn new(config: PilotConfig, robot: &RobotModel, tour: &Tour, start: &Isometry3<f64>, floor_z_m: f64) -> Pilot {
+        let (way, room_m) = (tour.way.clone(), tour.room_m.clone());
         let mut along_m = vec![0.0];
         for pair in way.windows(2) {
             along_m.push(along_m[along_m.len() - 1] + (pair[1] - pair[0]).norm());
@@ -80,7 +84,7 @@ impl Pilot {
         };
         let speed_mps = config.speed_mps.min(robot.limits.max_speed_mps);
         let config = PilotConfig { speed_mps, ..config };
-        Pilot { config, kind: robot.kind, way, along_m, progress_m: 0.0, floor_z_m, ended_s: None, flight }
+        Pilot { config, kind: robot.kind, way, room_m, along_m, progress_m: 0.0, floor_z_m, ended_s: None, flight }
     }
 
     /// Length of the way.
@@ -104,6 +108,14 @@ impl Pilot {
             RobotKind::Ground => self.walk(now_s, world_from_body),
             RobotKind::Aerial => self.fly(now_s, step_s),
         }
+    }
+
+    /// Speed for the narrowest place of the way just ahead.
+    fn speed_mps(&self) -> f64 {
+        let at = |along_m: f64| self.along_m.partition_point(|at_m| *at_m < along_m).min(self.room_m.len());
+        let ahead = &self.room_m[at(self.progress_m)..at(self.progress_m + FORESIGHT_M)];
+        let room_m = ahead.iter().copied().fold(f64::INFINITY, f64::min);
+        self.config.speed_mps * (room_m / NARROW_M).clamp(SLOWEST_PART, 1.0)
     }
 
     fn point_at(&self, along_m: f64) -> Point2<f64> {
@@ -144,7 +156,7 @@ impl Pilot {
         let error_rad = in_body.y.atan2(in_body.x);
         // Turn first, then walk: a sharp corner is taken on the spot.
         let straight = error_rad.cos().max(0.0).powi(4);
-        let speed_mps = self.config.speed_mps.min((2.0 * BRAKE_MPS2 * (left_m + 0.05)).sqrt());
+        let speed_mps = self.speed_mps().min((2.0 * BRAKE_MPS2 * (left_m + 0.05)).sqrt());
         Command::Velocity {
             forward_mps: speed_mps * straight,
             left_mps: 0.0,
@@ -162,7 +174,7 @@ impl Pilot {
             let climbed_m = start_m + CLIMB_MPS * step_s;
             let has_height = start_m > height_m - 0.1;
             if has_height {
-                self.progress_m = (self.progress_m + self.config.speed_mps * step_s).min(self.length_m());
+                self.progress_m = (self.progress_m + self.speed_mps() * step_s).min(self.length_m());
             }
             let at = self.point_at(self.progress_m);
             let z_m = if has_height { height_m } else { climbed_m + 3.0 * CLIMB_MPS / SMOOTH_RADPS };
@@ -216,12 +228,17 @@ impl Pilot {
 mod tests {
     use super::*;
 
+    /// A way with room on all sides.
+    fn wide(way: Vec<Point2<f64>>) -> Tour {
+        Tour { room_m: vec![1.0; way.len()], way, rooms: Vec::new(), length_m: 0.0 }
+    }
+
     #[test]
     fn set_points_are_derivatives_of_each_other_and_reach_the_end() {
         let robot = RobotModel::builtin_quadrotor();
         let way: Vec<Point2<f64>> = (0..40).map(|k| Point2::new(0.05 * f64::from(k), 0.0)).collect();
         let start = Isometry3::translation(0.0, 0.0, 0.2);
-        let mut pilot = Pilot::new(PilotConfig::default(), &robot, way, &start, 0.0);
+        let mut pilot = Pilot::new(PilotConfig::default(), &robot, &wide(way), &start, 0.0);
         let (mut now_s, mut last): (f64, Option<FlightSetPoint>) = (0.0, None);
         while !pilot.is_over(now_s) {
             let Command::Flight(point) = pilot.command(now_s, 0.02, &start) else { panic!("an aerial robot flies") };
@@ -247,7 +264,7 @@ mod tests {
         way.extend((1..40).map(|k| Point2::new(1.95, 0.05 * f64::from(k))));
         let (mut x, mut y, mut yaw_rad, mut now_s) = (0.0_f64, 0.0_f64, 2.0_f64, 0.0);
         let pose = |x: f64, y: f64, yaw_rad: f64| Isometry3::new(Vector3::new(x, y, 0.3), Vector3::z() * yaw_rad);
-        let mut pilot = Pilot::new(PilotConfig::default(), &robot, way.clone(), &pose(x, y, yaw_rad), 0.0);
+        let mut pilot = Pilot::new(PilotConfig::default(), &robot, &wide(way.clone()), &pose(x, y, yaw_rad), 0.0);
         let mut worst_m: f64 = 0.0;
         while !pilot.is_over(now_s) {
             let Command::Velocity { forward_mps, yaw_rate_radps, .. } =

@@ -81,7 +81,7 @@ pub fn record(
     let start_at = Point2::from(start.translation.vector.xy());
     let tour = Tour::plan(referee.floor(), building, robot.circumscribed_radius_m, &start_at)
         .context("this robot fits nowhere in the building")?;
-    let mut pilot = Pilot::new(config.pilot, robot, tour.way.clone(), &start, referee.floor().floor_z_m);
+    let mut pilot = Pilot::new(config.pilot, robot, &tour, &start, referee.floor().floor_z_m);
 
     // Nobody steers by the odometry here, so it is the truth; it goes into no bag.
     let mut simulation_config = config.simulation.clone();
@@ -120,7 +120,7 @@ pub fn record(
             report(RecordProgress { sim_s: now_s, done_m: pilot.progress_m(), length_m: pilot.length_m() });
         }
         // A robot that is stuck would record for ever.
-        if now_s > 60.0 + 10.0 * pilot.length_m() / config.pilot.speed_mps {
+        if now_s > 60.0 + 20.0 * pilot.length_m() / config.pilot.speed_mps {
             bail!("the robot got stuck {:.1} m into a way of {:.1} m", pilot.progress_m(), pilot.length_m());
         }
         let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &pose);

@@ -17,8 +17,10 @@ const MARGINS_M: [f64; 4] = [0.15, 0.10, 0.06, 0.02];
 /// A planned way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tour {
-    /// Points of the way, half a decimetre apart.
+    /// Points of the way, about half a decimetre apart.
     pub way: Vec<Point2<f64>>,
+    /// Room beside the robot's circle at each of them.
+    pub room_m: Vec<f64>,
     /// Rooms with a stop, in the order of visits.
     pub rooms: Vec<u32>,
     /// Its length.
@@ -28,7 +30,7 @@ pub struct Tour {
 impl Tour {
     /// Plans for a robot that sweeps a circle of `radius_m`, from the cell nearest to `start`. `None` if the robot fits nowhere.
     pub fn plan(floor: &TrueFloor, building: &Building, radius_m: f64, start: &Point2<f64>) -> Option<Tour> {
-        let plans = MARGINS_M.map(|margin_m| Plan::new(floor, building, radius_m + margin_m, start));
+        let plans = MARGINS_M.map(|margin_m| Plan::new(floor, building, radius_m, margin_m, start));
         // The widest margin that costs no room.
         let most = plans.iter().flatten().map(|plan| plan.rooms_with_stop()).max()?;
         let plan = plans.into_iter().flatten().find(|plan| plan.rooms_with_stop() == most)?;
@@ -39,6 +41,8 @@ impl Tour {
 /// Stops and what reaches them.
 struct Plan<'a> {
     floor: &'a TrueFloor,
+    /// Radius of the robot's circle, without and with the margin.
+    robot_m: f64,
     radius_m: f64,
     start: usize,
     /// Cell and room.
@@ -46,7 +50,14 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(floor: &'a TrueFloor, building: &Building, radius_m: f64, start: &Point2<f64>) -> Option<Plan<'a>> {
+    fn new(
+        floor: &'a TrueFloor,
+        building: &Building,
+        robot_m: f64,
+        margin_m: f64,
+        start: &Point2<f64>,
+    ) -> Option<Plan<'a>> {
+        let radius_m = robot_m + margin_m;
         let fits = |cell: &usize| floor.clearance_m(*cell) >= radius_m;
         let start = (0..floor.len()).filter(fits).min_by(|a, b| {
             let distance_m = |cell: usize| (floor.center_of(cell) - start).norm();
@@ -60,7 +71,7 @@ impl<'a> Plan<'a> {
                 .collect();
             stops.extend(stops_of(floor, &cells).into_iter().map(|cell| (cell, room.id)));
         }
-        Some(Plan { floor, radius_m, start, stops })
+        Some(Plan { floor, robot_m, radius_m, start, stops })
     }
 
     fn rooms_with_stop(&self) -> usize {
@@ -85,9 +96,10 @@ impl<'a> Plan<'a> {
         rooms.dedup();
         let distances_m = self.floor.distances_from(&[here], self.radius_m);
         cells.extend(self.floor.way_to(&distances_m, self.start).into_iter().skip(1));
-        let way: Vec<Point2<f64>> = cells.into_iter().map(|cell| self.floor.center_of(cell)).collect();
+        let way: Vec<Point2<f64>> = cells.iter().map(|cell| self.floor.center_of(*cell)).collect();
+        let room_m = cells.iter().map(|cell| self.floor.clearance_m(*cell) - self.robot_m).collect();
         let length_m = way.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
-        Tour { way, rooms, length_m }
+        Tour { way, room_m, rooms, length_m }
     }
 }
 
@@ -128,6 +140,7 @@ mod tests {
         rooms.dedup();
         assert_eq!(rooms.len(), building.rooms.len());
         assert_eq!(tour.way.first(), tour.way.last());
+        assert!(tour.room_m.len() == tour.way.len() && tour.room_m.iter().all(|room_m| *room_m > 0.019));
         for point in &tour.way {
             assert!(floor.clearance_m(floor.cell_of(point).unwrap()) >= 0.35 + 0.02);
         }

@@ -23,6 +23,7 @@ use arena::record::{EPOCH_NS, RECORDING_MARK, RecordConfig, record};
 use arena::record_topics::TopicWriter;
 use arena::run_folder::RunFolder;
 use arena::simulation::Simulation;
+use arena::tour::Tour;
 use nalgebra::Point3;
 use serde_json::Value;
 use support::{robot, scene};
@@ -90,7 +91,12 @@ fn what_the_sensors_said_is_read_bit_for_bit_and_the_stators_points_are_the_roto
         let mut pilot = Pilot::new(
             PilotConfig { rest_s: 0.1, ..PilotConfig::default() },
             &robot,
-            vec![start.translation.vector.xy().into(), (start * Point3::new(1.0, 0.0, 0.0)).xy()],
+            &Tour {
+                way: vec![start.translation.vector.xy().into(), (start * Point3::new(1.0, 0.0, 0.0)).xy()],
+                room_m: vec![1.0; 2],
+                rooms: Vec::new(),
+                length_m: 1.0,
+            },
             &start,
             0.0,
         );

@@ -309,7 +309,12 @@ message!(
     "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n",
     "uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
     header!(),
-    part!("sensor_msgs/PointField", "string name\nuint32 offset\nuint8 datatype\nuint32 count\n")
+    // With its constants: kiss-icp asks the type that it makes from the schema for them.
+    part!(
+        "sensor_msgs/PointField",
+        "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\nuint8 UINT32=6\nuint8 FLOAT32=7\n\
+         uint8 FLOAT64=8\nstring name\nuint32 offset\nuint8 datatype\nuint32 count\n"
+    )
 );
 message!(
     CompressedImage<'_>,
@@ -361,6 +366,12 @@ mod tests {
         expected.extend([0; 8]); // no velocity, no effort
         assert_eq!(payload, expected);
         assert_eq!(decode::<JointState>(&payload).unwrap(), state);
+    }
+
+    #[test]
+    fn the_schema_of_points_names_the_types_of_numbers() {
+        assert!(PointCloud2::DEFINITION.contains("MSG: sensor_msgs/PointField\nuint8 INT8=1\n"));
+        assert!(PointCloud2::DEFINITION.contains("uint8 FLOAT32=7\nuint8 FLOAT64=8\nstring name\n"));
     }
 
     #[test]
