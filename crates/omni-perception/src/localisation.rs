@@ -44,7 +44,7 @@ pub struct LocalisationConfig {
     pub apart_m: f64,
     /// if they are also turned by less than this, radians, default 0.5.
     pub apart_rad: f64,
-    /// Places that score less than this share of the best in the search are not looked at, default 0.6.
+    /// Places that score less than this share of the best in the search are not looked at, default 0.7.
     pub least_share: f64,
     /// Windows that the search looks into at most, default 2 million.
     pub max_windows: usize,
@@ -67,7 +67,7 @@ impl Default for LocalisationConfig {
             places: 6,
             apart_m: 1.0,
             apart_rad: 0.5,
-            least_share: 0.6,
+            least_share: 0.7,
             max_windows: 2_000_000,
             tolerance_m: 0.06,
             min_score: 0.7,

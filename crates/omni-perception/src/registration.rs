@@ -412,7 +412,7 @@ fn assess(
 ) -> Option<Registration> {
     let (mut inliers, mut squared, mut along) = (0, 0.0, 0.0);
     let mut information = Matrix6::zeros();
-    let (mut facing, mut planes, mut weighted, mut weights) = (Matrix3::zeros(), 0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut facing, mut planes, mut weighted, mut weights) = (Matrix3::zeros(), 0.0_f64, 0.0, 0.0_f64);
     let turn = target_from_source.rotation.inverse();
     for (point, index) in source.points().iter().zip(nearest) {
         if *index == NONE {

@@ -43,6 +43,8 @@ pub struct Found {
     pub hits: Vec<Hit>,
     /// No place that is not among the hits scores more.
     pub rest: u32,
+    /// Windows looked into.
+    pub windows: usize,
     /// Whether the search ended before it ran out of windows.
     pub is_complete: bool,
 }
@@ -66,7 +68,7 @@ pub fn best_places(pyramid: &Pyramid, scan: &[Column], wanted: &Wanted) -> Found
         }
     }
     let mut found = Found { is_complete: true, ..Found::default() };
-    let mut windows = 0;
+    
     while let Some(window) = open.pop() {
         let best = found.hits.first().map_or(0, |hit| hit.score);
         let least = wanted.least_score.max((wanted.least_share * f64::from(best)).ceil() as u32);
@@ -82,8 +84,8 @@ pub fn best_places(pyramid: &Pyramid, scan: &[Column], wanted: &Wanted) -> Found
             found.hits.push(Hit { yaw: window.yaw, cell: window.cell, score: window.bound });
             continue;
         }
-        windows += 1;
-        if windows > wanted.max_windows {
+        found.windows += 1;
+        if found.windows > wanted.max_windows {
             found.rest = window.bound;
             found.is_complete = false;
             break;
@@ -126,10 +128,10 @@ impl Window {
 }
 
 impl Ord for Window {
-    /// The best bound first; of these the finest, so that a leaf that cannot be beaten comes out at once, then in order.
+    /// The best bound first; of these the coarsest, so that leaves of one score come out together and in order.
     fn cmp(&self, other: &Self) -> Ordering {
         (self.bound.cmp(&other.bound))
-            .then(other.level.cmp(&self.level))
+            .then(self.level.cmp(&other.level))
             .then(other.yaw.cmp(&self.yaw))
             .then(other.cell.cmp(&self.cell))
     }
