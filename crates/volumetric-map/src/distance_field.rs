@@ -2,11 +2,13 @@
 //!
 //! The transform is separable (Meijster et al. 2000): first along z, then y, then x. Each pass keeps its result, so an update
 //! recomputes the z columns whose obstacles changed, then the y lines that cross a column whose result changed, then the x lines
-//! that cross a y line whose result changed. That is exact, equal to a rebuild bit by bit, and costs what changed.
+//! that cross a y line whose result changed, each no farther than the largest distance from the changes. That is exact, equal to a
+//! rebuild bit by bit, and costs what changed.
 //! The nearest obstacle of a cell is found by walking the three passes back: no parent pointers to raise or lower.
 
 use nalgebra::{Point3, Vector3};
 
+use crate::distance_update::Span;
 use crate::volume::{Cell, Volume};
 
 /// Exact distance to the nearest occupied cell, on a grid of cells that join some voxels of a [`Volume`].
@@ -106,15 +108,15 @@ impl DistanceField {
         self.lay_out(volume, &mut report);
         let [nx, ny, nz] = self.size;
         let mut dirty_columns = vec![false; nx * ny];
-        for block in &volume.blocks {
+        for block in volume.changed_since(self.seen_revision) {
             if block.occupancy_revision > self.seen_revision {
                 report.blocks_read += 1;
                 report.cells_changed += self.read_block(block, &mut dirty_columns);
             }
         }
         self.seen_revision = volume.revision();
-        let mut dirty_y_lines = vec![false; nx * nz];
-        let mut dirty_x_lines = vec![false; ny * nz];
+        let mut dirty_y_lines = vec![Span::EMPTY; nx * nz];
+        let mut dirty_x_lines = vec![Span::EMPTY; ny * nz];
         report.lines[0] = self.pass_z(&dirty_columns, &mut dirty_y_lines);
         report.lines[1] = self.pass_y(&dirty_y_lines, &mut dirty_x_lines);
         report.lines[2] = self.pass_x(&dirty_x_lines);

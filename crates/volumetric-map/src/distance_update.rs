@@ -1,5 +1,7 @@
 //! Keeping the [`DistanceField`] up to date: its layout, the joining of voxels to cells, and the three passes of the transform.
 
+use std::ops::Range;
+
 use crate::block::Block;
 use crate::distance_field::{BEYOND, DistanceField, NOWHERE, UpdateReport};
 use crate::edt::{Envelope, FAR};
@@ -15,8 +17,14 @@ impl DistanceField {
         let joined = joined.expect("the list is not empty");
         let resolution_m = voxel * f64::from(joined);
         let cells_per_block = 8 / joined;
+        let is_other = volume.revision() < self.seen_revision
+            || cells_per_block != self.cells_per_block
+            || (resolution_m - self.resolution_m).abs() > 1e-12
+            || self.state.is_empty();
+        // The grid covers all blocks of the last time; only new ones can lie outside.
+        let since = if is_other { 0 } else { self.seen_revision };
         let mut need: Option<([i32; 3], [i32; 3])> = None;
-        for block in &volume.blocks {
+        for block in volume.changed_since(since) {
             let key = [block.key.x, block.key.y, block.key.z];
             let (low, high) = need.get_or_insert((key, key));
             for axis in 0..3 {
@@ -25,13 +33,11 @@ impl DistanceField {
             }
         }
         let Some((low, high)) = need else {
-            *self = Self::new(self.requested_resolution_m, self.max_distance_m);
+            if is_other {
+                *self = Self::new(self.requested_resolution_m, self.max_distance_m);
+            }
             return;
         };
-        let is_other = volume.revision() < self.seen_revision
-            || cells_per_block != self.cells_per_block
-            || (resolution_m - self.resolution_m).abs() > 1e-12
-            || self.state.is_empty();
         let (old_low, old_size) = (self.low, self.size);
         let first = |axis: usize| old_low[axis] / cells_per_block;
         let last = |axis: usize| first(axis) + old_size[axis] as i32 / cells_per_block - 1;
@@ -112,7 +118,7 @@ impl DistanceField {
         changed
     }
 
-    pub(crate) fn pass_z(&mut self, dirty: &[bool], dirty_y_lines: &mut [bool]) -> usize {
+    pub(crate) fn pass_z(&mut self, dirty: &[bool], dirty_y_lines: &mut [Span]) -> usize {
         let [nx, ny, nz] = self.size;
         let mut lines = 0;
         let mut offsets = vec![NOWHERE; nz];
@@ -142,34 +148,34 @@ impl DistanceField {
                 let i = column + nx * ny * z;
                 if self.up[i] != offsets[z] {
                     self.up[i] = offsets[z];
-                    dirty_y_lines[z * nx + column % nx] = true;
+                    dirty_y_lines[z * nx + column % nx].add(column / nx);
                 }
             }
         }
         lines
     }
 
-    pub(crate) fn pass_y(&mut self, dirty: &[bool], dirty_x_lines: &mut [bool]) -> usize {
+    pub(crate) fn pass_y(&mut self, dirty: &[Span], dirty_x_lines: &mut [Span]) -> usize {
         let [nx, ny, nz] = self.size;
         let mut lines = 0;
-        let mut line = vec![FAR; ny];
-        let mut out = vec![(BEYOND, 0i16); ny];
-        let mut envelope = Envelope::default();
+        let mut line = Line::new(ny, self.reach_squared);
         for z in 0..nz {
-            for x in (0..nx).filter(|x| dirty[z * nx + x]) {
+            for x in 0..nx {
+                let Some((read, write)) = line.windows(dirty[z * nx + x]) else { continue };
                 lines += 1;
                 let first = x + nx * ny * z;
-                for (y, value) in line.iter_mut().enumerate() {
+                for (y, value) in read.clone().zip(&mut line.values) {
                     let up = self.up[first + nx * y];
                     *value = if up == NOWHERE { FAR } else { i32::from(up).pow(2) as u32 };
                 }
-                self.run(&mut envelope, &line, &mut out);
-                for (y, (squared, site)) in out.iter().enumerate() {
+                line.transform(read.len());
+                for y in write {
                     let i = first + nx * y;
-                    self.plane_site[i] = *site;
-                    if self.plane[i] != *squared {
-                        self.plane[i] = *squared;
-                        dirty_x_lines[z * ny + y] = true;
+                    self.plane_site[i] = line.site[y - read.start];
+                    let squared = line.squared[y - read.start];
+                    if self.plane[i] != squared {
+                        self.plane[i] = squared;
+                        dirty_x_lines[z * ny + y].add(x);
                     }
                 }
             }
@@ -177,33 +183,88 @@ impl DistanceField {
         lines
     }
 
-    pub(crate) fn pass_x(&mut self, dirty: &[bool]) -> usize {
+    pub(crate) fn pass_x(&mut self, dirty: &[Span]) -> usize {
         let [nx, ny, nz] = self.size;
         let mut lines = 0;
-        let mut line = vec![FAR; nx];
-        let mut out = vec![(BEYOND, 0i16); nx];
-        let mut envelope = Envelope::default();
-        for yz in (0..ny * nz).filter(|l| dirty[*l]) {
+        let mut line = Line::new(nx, self.reach_squared);
+        for yz in 0..ny * nz {
+            let Some((read, write)) = line.windows(dirty[yz]) else { continue };
             lines += 1;
             let first = nx * yz;
-            for (value, squared) in line.iter_mut().zip(&self.plane[first..first + nx]) {
+            for (value, squared) in line.values.iter_mut().zip(&self.plane[first..][read.clone()]) {
                 *value = if *squared == BEYOND { FAR } else { u32::from(*squared) };
             }
-            self.run(&mut envelope, &line, &mut out);
-            for (x, (squared, site)) in out.iter().enumerate() {
-                self.squared[first + x] = *squared;
-                self.site[first + x] = *site;
-            }
+            line.transform(read.len());
+            let inside = write.start - read.start..write.end - read.start;
+            self.squared[first..][write.clone()].copy_from_slice(&line.squared[inside.clone()]);
+            self.site[first..][write].copy_from_slice(&line.site[inside]);
         }
         lines
     }
+}
 
-    fn run(&self, envelope: &mut Envelope, line: &[u32], out: &mut [(u16, i16)]) {
-        out.fill((BEYOND, 0));
-        envelope.build(line);
-        envelope.for_each(line.len(), |x, squared, site| {
-            if squared <= self.reach_squared {
-                out[x] = (squared as u16, (site as i32 - x as i32) as i16);
+/// First and last cell of a line whose input changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Span {
+    first: u32,
+    last: u32,
+}
+
+impl Span {
+    pub const EMPTY: Self = Self { first: u32::MAX, last: 0 };
+
+    fn add(&mut self, cell: usize) {
+        self.first = self.first.min(cell as u32);
+        self.last = self.last.max(cell as u32);
+    }
+}
+
+/// One line of a pass: room for its values and results.
+struct Line {
+    length: usize,
+    reach: usize,
+    reach_squared: i64,
+    values: Vec<u32>,
+    envelope: Envelope,
+    squared: Vec<u16>,
+    site: Vec<i16>,
+}
+
+impl Line {
+    fn new(length: usize, reach_squared: u32) -> Self {
+        Self {
+            length,
+            reach: reach_squared.isqrt() as usize,
+            reach_squared: i64::from(reach_squared),
+            values: vec![FAR; length],
+            envelope: Envelope::default(),
+            squared: vec![BEYOND; length],
+            site: vec![0; length],
+        }
+    }
+
+    /// Which cells to read and which to write when the inputs in a span changed: a result depends on inputs within reach.
+    fn windows(&self, span: Span) -> Option<(Range<usize>, Range<usize>)> {
+        let window = |margin: usize| {
+            (span.first as usize).saturating_sub(margin)..(span.last as usize + margin + 1).min(self.length)
+        };
+        (span != Span::EMPTY).then(|| (window(2 * self.reach), window(self.reach)))
+    }
+
+    /// Squared distances and sites of the first cells.
+    fn transform(&mut self, length: usize) {
+        self.squared[..length].fill(BEYOND);
+        self.site[..length].fill(0);
+        self.envelope.build(&self.values[..length]);
+        let (reach_squared, squared, site_of) = (self.reach_squared, &mut self.squared, &mut self.site);
+        self.envelope.for_each_part(length, |cells, value, site| {
+            for x in cells {
+                let offset = site - x as i64;
+                let sum = offset * offset + value;
+                if sum <= reach_squared {
+                    squared[x] = sum as u16;
+                    site_of[x] = offset as i16;
+                }
             }
         });
     }

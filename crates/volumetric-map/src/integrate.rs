@@ -147,8 +147,10 @@ impl Volume {
             let tip = scan.origin + if is_beyond { direction * far } else { offset };
             let end: [i32; 3] = tip.map(floor).into();
             let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
-            let is_turn = checker.wrapping_add(self.revision).is_multiple_of(turn);
-            let may_pull = checker.wrapping_add(self.revision).is_multiple_of(2);
+            let phase = checker.wrapping_add(self.revision);
+            // The usual turns are powers of two; a division for each point is felt.
+            let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
+            let may_pull = phase & 1 == 0;
             if is_beyond {
                 scan.report.beyond_range += 1;
                 if is_turn {

@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, local_of};
+use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
 use crate::volume::Volume;
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
@@ -43,20 +43,22 @@ impl Volume {
         stale.sort_unstable();
         stale.dedup();
         let mut delta = MeshDelta::default();
+        let mut part = MeshPart::default();
         for key in stale {
-            let part = self.mesh_part(key);
+            self.fill_part(key, &mut part);
             if part.cells.is_empty() && part.quads.is_empty() {
                 if self.mesh_cache.remove(key) {
                     delta.removed.push(key);
                 }
             } else {
-                self.mesh_cache.insert(key, part);
+                // What the cache held there is the next part's room.
+                part = self.mesh_cache.insert(key, part);
                 delta.updated.push(key);
             }
         }
         self.mesh_cache.seen = self.revision;
-        delta.vertices = self.mesh_cache.parts.iter().map(|p| p.1.vertices.len()).sum();
-        delta.faces = 2 * self.mesh_cache.parts.iter().map(|p| p.1.quads.len()).sum::<usize>();
+        delta.vertices = self.mesh_cache.vertices;
+        delta.faces = 2 * self.mesh_cache.quads;
         delta
     }
 
@@ -112,36 +114,52 @@ impl Volume {
         Some(mesh)
     }
 
-    /// Blocks to mesh again: the changed ones and those on their negative sides, whose cells reach into them.
+    /// Blocks to mesh again: the changed ones, and those on their negative sides whose cells reach to a changed voxel.
     fn stale_blocks(&mut self) -> Vec<BlockKey> {
-        let tolerance = (0.2 * self.config.voxel_m * f64::from(self.thresholds.units_per_m)) as i32;
+        let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
+        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as i16, near: (1.1 * units_per_voxel) as i16 };
         let cache = &mut self.mesh_cache;
         let mut stale = Vec::new();
-        for block in &self.blocks {
-            let changed = block.surface_revision > cache.seen || block.occupancy_revision > cache.seen;
-            let is_new_shape = || match cache.shape.get(&block.key.packed()) {
-                Some(shape) => shape.differs(block, tolerance),
-                None => block.near_surface != [0; 8],
+        let changed = self.recent.iter().map(|id| &self.blocks[id as usize]);
+        for block in changed.take_while(|block| block.newest_revision() > cache.seen) {
+            let moved = match cache.shape.get(&block.key.packed()) {
+                Some(shape) => shape.moved(block, &tolerance),
+                None if block.near_surface == [0; 8] => continue,
+                None => ALL_VOXELS,
             };
-            if !changed || !is_new_shape() {
+            if moved == [0; 8] {
                 continue;
             }
-            cache.shape.insert(block.key.packed(), Box::new(Shape::of(block)));
+            // Voxels that a neighbour's mesh still shows as they were: small changes must add up against that.
+            let mut kept: VoxelSet = [0; 8];
             for corner in 0..8 {
-                stale.push(block.key.offset(-(corner & 1), -(corner >> 1 & 1), -(corner >> 2)));
+                // The neighbour's cells reach the voxels with coordinate zero along the axes in which it is another block.
+                let reached = FACE_MASK[corner as usize & 3];
+                let layers = if corner & 4 == 0 { 8 } else { 1 };
+                if moved[..layers].iter().any(|layer| layer & reached != 0) {
+                    stale.push(block.key.offset(-(corner & 1), -(corner >> 1 & 1), -(corner >> 2)));
+                } else {
+                    kept[..layers].iter_mut().for_each(|layer| *layer |= reached);
+                }
             }
+            let mut shape = Shape::of(block);
+            if let Some(old) = cache.shape.get(&block.key.packed()) {
+                shape.keep(&kept, old);
+            }
+            cache.shape.insert(block.key.packed(), Box::new(shape));
         }
         stale
     }
 
-    fn mesh_part(&self, key: BlockKey) -> MeshPart {
-        let mut part = MeshPart::default();
+    fn fill_part(&self, key: BlockKey, part: &mut MeshPart) {
+        part.clear();
         let corner_blocks: [Option<&Block>; 8] =
             std::array::from_fn(|k| self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2)));
         let Some(patch) = Patch::of(&corner_blocks) else {
-            return part;
+            return;
         };
         let voxel = self.config.voxel_m;
+        let has_votes = corner_blocks.iter().flatten().any(|block| block.votes.is_some());
         let first = key.first_voxel();
         for z in 0..8usize {
             for y in 0..8usize {
@@ -159,11 +177,10 @@ impl Volume {
                     };
                     part.cells.push((x + 8 * y + 64 * z) as u16);
                     part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.labels.push(cell_label(&corner_blocks, [x, y, z]));
+                    part.labels.push(if has_votes { cell_label(&corner_blocks, [x, y, z]) } else { 0 });
                 }
             }
         }
-        part
     }
 
     /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
@@ -321,6 +338,15 @@ struct MeshPart {
     quads: Vec<Quad>,
 }
 
+impl MeshPart {
+    fn clear(&mut self) {
+        self.cells.clear();
+        self.vertices.clear();
+        self.labels.clear();
+        self.quads.clear();
+    }
+}
+
 /// What a block looked like when it was last meshed.
 #[derive(Debug, Clone)]
 struct Shape {
@@ -334,47 +360,94 @@ impl Shape {
         Self { known: block.known, distance: block.distance, label: block.votes.as_ref().map(|v| Box::new(v.label)) }
     }
 
-    fn differs(&self, block: &Block, tolerance: i32) -> bool {
-        if self.known != block.known || self.label.as_deref() != block.votes.as_ref().map(|v| &v.label) {
-            return true;
+    /// Takes the distances of some voxels from an older shape.
+    fn keep(&mut self, voxels: &VoxelSet, old: &Self) {
+        for (z, layer) in voxels.iter().enumerate() {
+            let mut rest = *layer;
+            while rest != 0 {
+                let local = 64 * z + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                self.distance[local] = old.distance[local];
+            }
         }
-        // Only near the surface: a voxel far in front of it that changes moves no vertex.
-        let moved = |(a, b): (&i16, &i16)| {
-            let (a, b) = (i32::from(*a), i32::from(*b));
-            (a - b).abs() > tolerance && a.min(b) < NEAR
-        };
-        self.distance.iter().zip(&block.distance).any(moved)
+    }
+
+    /// Voxels that are not what they were: known or not, label, or, near the surface, distance.
+    fn moved(&self, block: &Block, tolerance: &Tolerance) -> VoxelSet {
+        let mut moved: VoxelSet = std::array::from_fn(|z| self.known[z] ^ block.known[z]);
+        for (z, moved) in moved.iter_mut().enumerate() {
+            let (old, new) = (&self.distance[64 * z..][..64], &block.distance[64 * z..][..64]);
+            // Only near the surface: a voxel far from it that changes moves no vertex.
+            let is_moved = |(a, b): (&i16, &i16)| {
+                (a.abs_diff(*b) > tolerance.moved as u16)
+                    & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near as u16)
+            };
+            if old.iter().zip(new).fold(false, |any, pair| any | is_moved(pair)) {
+                for (bit, pair) in old.iter().zip(new).enumerate() {
+                    *moved |= u64::from(is_moved(pair)) << bit;
+                }
+            }
+        }
+        let votes = block.votes.as_ref().map(|votes| &votes.label);
+        let none = [0; BLOCK_VOXELS];
+        let (old, new) = (self.label.as_deref().unwrap_or(&none), votes.unwrap_or(&none));
+        if old != new {
+            for (local, (old, new)) in old.iter().zip(new).enumerate() {
+                moved[local >> 6] |= u64::from(old != new) << (local & 63);
+            }
+        }
+        moved
     }
 }
 
-/// Half the truncation.
-const NEAR: i32 = DISTANCE_ONE as i32 / 2;
+/// In stored units.
+struct Tolerance {
+    /// A voxel has moved if its distance changed by more than this.
+    moved: i16,
+    /// And was or is nearer to the surface than this.
+    near: i16,
+}
+
+/// In a layer: all voxels, x = 0, y = 0, x = y = 0.
+const FACE_MASK: [u64; 4] = [u64::MAX, 0x0101_0101_0101_0101, 0xff, 1];
 
 /// The mesh so far, by block.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct MeshCache {
     seen: u32,
+    /// Of all parts.
+    vertices: usize,
+    quads: usize,
     parts: Vec<(BlockKey, MeshPart)>,
     rank: FxHashMap<u64, usize>,
     shape: FxHashMap<u64, Box<Shape>>,
 }
 
 impl MeshCache {
-    fn insert(&mut self, key: BlockKey, part: MeshPart) {
-        match self.rank.get(&key.packed()) {
-            Some(rank) => self.parts[*rank].1 = part,
+    /// Puts a part in its place and gives back what was there.
+    fn insert(&mut self, key: BlockKey, part: MeshPart) -> MeshPart {
+        self.vertices += part.vertices.len();
+        self.quads += part.quads.len();
+        let old = match self.rank.get(&key.packed()) {
+            Some(rank) => std::mem::replace(&mut self.parts[*rank].1, part),
             None => {
                 self.rank.insert(key.packed(), self.parts.len());
                 self.parts.push((key, part));
+                MeshPart::default()
             }
-        }
+        };
+        self.vertices -= old.vertices.len();
+        self.quads -= old.quads.len();
+        old
     }
 
     fn remove(&mut self, key: BlockKey) -> bool {
         let Some(rank) = self.rank.remove(&key.packed()) else {
             return false;
         };
-        self.parts.swap_remove(rank);
+        let (_, part) = self.parts.swap_remove(rank);
+        self.vertices -= part.vertices.len();
+        self.quads -= part.quads.len();
         if let Some((moved, _)) = self.parts.get(rank) {
             self.rank.insert(moved.packed(), rank);
         }
