@@ -151,8 +151,7 @@ fn parse(text: &[u8]) -> Result<Value, SegmentationError> {
     if text.len() > MAX_BYTES {
         return Err(SegmentationError::TooLong { bytes: text.len() });
     }
-    serde_json::from_slice(text)
-        .map_err(|error| SegmentationError::Json { line: error.line(), column: error.column() })
+    serde_json::from_slice(text).map_err(|error| SegmentationError::Json { line: error.line(), column: error.column() })
 }
 
 fn format_of(root: &Value) -> Result<SegmentationFormat, SegmentationError> {
@@ -261,13 +260,7 @@ fn check_count(found: usize) -> Result<(), SegmentationError> {
 }
 
 /// One annotation with what all formats have in common.
-fn mask(
-    annotation: &Value,
-    place: &str,
-    size: [u32; 2],
-    label: String,
-    score: f32,
-) -> Result<Mask, SegmentationError> {
+fn mask(annotation: &Value, place: &str, size: [u32; 2], label: String, score: f32) -> Result<Mask, SegmentationError> {
     let rle = read_mask(&annotation["segmentation"], &format!("{place}.segmentation"), size)?;
     Ok(Mask {
         caption: text(annotation, "caption").unwrap_or_default(),
@@ -318,7 +311,8 @@ fn side(value: &Value, key: &str, place: &str) -> Result<u32, SegmentationError>
 
 /// A whole number, also written as 3.0.
 fn whole(value: &Value) -> Option<u32> {
-    let from_float = || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=4294967295.0).contains(x)).map(|x| x as u32);
+    let from_float =
+        || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=4294967295.0).contains(x)).map(|x| x as u32);
     value.as_u64().and_then(|x| u32::try_from(x).ok()).or_else(from_float)
 }
 
@@ -433,9 +427,7 @@ fn coco(images: &[ImageSegmentation]) -> Value {
             annotations.push(value);
         }
     }
-    let image = |(index, image): (usize, &ImageSegmentation)| {
-        json!({"id": index + 1, "width": image.width_px, "height": image.height_px, "file_name": image.image})
-    };
+    let image = |(index, image): (usize, &ImageSegmentation)| json!({"id": index + 1, "width": image.width_px, "height": image.height_px, "file_name": image.image});
     json!({
         "images": images.iter().enumerate().map(image).collect::<Vec<_>>(),
         "categories": names.iter().enumerate().map(|(index, name)| json!({"id": index + 1, "name": name})).collect::<Vec<_>>(),

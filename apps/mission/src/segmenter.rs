@@ -49,7 +49,9 @@ pub enum SegmenterError {
     #[error("the segmenter did not answer: {0}")]
     Service(#[from] PostError),
     /// It failed so often that it is left alone for some images.
-    #[error("the segmenter failed {failures} times in a row (last: {last}) and is asked again after {images_left} more images")]
+    #[error(
+        "the segmenter failed {failures} times in a row (last: {last}) and is asked again after {images_left} more images"
+    )]
     Resting {
         /// Failures in a row.
         failures: u32,
