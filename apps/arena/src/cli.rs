@@ -43,8 +43,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
     if let (Some(known), Some(pose)) = (&mut known, &options.start) {
         // Whatever height was given, the robot stands on the floor of the map.
-        known.start = crate::run::pose_in_map(pose);
-        known.start.translation.vector.z = known.floor_m + robot.stance_height_m;
+        let mut start = crate::run::pose_in_map(pose);
+        start.translation.vector.z = known.floor_m + robot.stance_height_m;
+        known.start = Some(start);
     }
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;

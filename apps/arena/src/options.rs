@@ -42,8 +42,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Start with the scene graph and the map that an earlier run saved in DIR
-    #[arg(long, value_name = "DIR", requires = "start")]
+    /// Start with the scene graph and the map that an earlier run saved in DIR; without --start the robot finds out where in it it stands
+    #[arg(long, value_name = "DIR")]
     pub known: Option<PathBuf>,
 
     /// Start pose in the map of --known: metres and degrees
@@ -130,7 +130,9 @@ impl Options {
         if let Some(url) = &self.segmenter
             && !url.starts_with("http://")
         {
-            bail!("--segmenter takes the address of a plain HTTP service such as http://127.0.0.1:8092/segment, not \"{url}\"");
+            bail!(
+                "--segmenter takes the address of a plain HTTP service such as http://127.0.0.1:8092/segment, not \"{url}\""
+            );
         }
         if let Some(urdf) = &self.urdf {
             std::fs::metadata(urdf).with_context(|| format!("reading the URDF {}", urdf.display()))?;

@@ -153,10 +153,10 @@ pub fn run(
     };
     let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
 
-    // Both sides. Without a known map the frame of the odometry begins at the robot: where in the building that is,
-    // nobody on the robot's side knows.
-    let start_in_map = match &known {
-        Some(known) => known.start,
+    // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
+    // where in the building that is, nobody on the robot's side knows.
+    let start_in_map = match known.as_ref().and_then(|known| known.start) {
+        Some(start) => start,
         None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
     };
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;

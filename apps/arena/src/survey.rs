@@ -3,7 +3,7 @@
 //! No mission: nothing is decided, so that two arms of an experiment see from the same places.
 
 use anyhow::{Context, Result};
-use mission::localiser::{Localiser, OdometrySource};
+use mission::odometer::{Odometer, OdometrySource};
 use mission::omni_perception::RawScan;
 use mission::robot_model::RobotModel;
 use mission::stage_clock::StageClock;
@@ -47,8 +47,8 @@ pub fn survey(
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
     let mut clock = StageClock::new(config.cpu_scope);
     let mut world = WorldModel::new(robot, &config.mission, simulation.camera(), 0.0).context("setting up the map")?;
-    let mut localiser = match &config.mission.odometry {
-        OdometrySource::LidarInertial(lio) => Some(Localiser::new(lio, robot, &start_in_map)?),
+    let mut odometer = match &config.mission.odometry {
+        OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, &start_in_map)?),
         OdometrySource::Stream => None,
     };
     let pilot_config = PilotConfig { flight_height_m: config.mission.flight_height_m, ..PilotConfig::default() };
@@ -61,9 +61,9 @@ pub fn survey(
             if let SensorEvent::Scan(scan) = &event {
                 observe(now_s, Moment::Scan(scan));
             }
-            match &mut localiser {
-                Some(localiser) => {
-                    for event in localiser.follow(event, &mut clock) {
+            match &mut odometer {
+                Some(odometer) => {
+                    for event in odometer.follow(event, &mut clock) {
                         world.see(event, &mut clock);
                     }
                 }

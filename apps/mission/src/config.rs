@@ -6,7 +6,7 @@ use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
 use crate::error::MissionError;
-use crate::localiser::OdometrySource;
+use crate::odometer::OdometrySource;
 use crate::rooms::RoomConfig;
 use crate::segmenter::STANDING;
 

@@ -10,7 +10,8 @@ use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
-use crate::localiser::{Localiser, OdometrySource};
+use crate::localisation::Lost;
+use crate::odometer::{Odometer, OdometrySource};
 use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -50,7 +51,7 @@ pub struct Mission {
     /// What is known.
     pub world: WorldModel,
     /// Its own odometry, unless somebody else's is in the stream.
-    pub(crate) localiser: Option<Localiser>,
+    pub(crate) odometer: Option<Odometer>,
     /// What happened.
     pub journal: Journal,
     /// Steps said to be done, in order.
@@ -80,6 +81,8 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// In a known building, until the robot knows where in it it stands.
+    pub(crate) lost: Option<Box<Lost>>,
 }
 
 impl Mission {
@@ -102,14 +105,14 @@ impl Mission {
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
         }
-        let localiser = match &config.odometry {
-            OdometrySource::LidarInertial(lio) => Some(Localiser::new(lio, robot, world_from_body)?),
+        let odometer = match &config.odometry {
+            OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, world_from_body)?),
             OdometrySource::Stream => None,
         };
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
         Ok(Mission {
             world: WorldModel::new(robot, &config, camera, floor_m)?,
-            localiser,
+            odometer,
             body: Body::new(robot, &config, floor_m)?,
             robot: robot.clone(),
             instruction: instruction.clone(),
@@ -134,13 +137,14 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            lost: None,
             config,
         })
     }
 
     /// The newest estimate of its own odometry, in the odometry's frame: for a flight controller that has no eyes of its own.
     pub fn odometry(&self) -> Option<&OdometryEstimate> {
-        self.localiser.as_ref().and_then(Localiser::newest)
+        self.odometer.as_ref().and_then(Odometer::newest)
     }
 
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.
@@ -184,6 +188,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.is_lost() => "finding out where it is in the known map".into(),
             None if !self.body.is_ready() => "getting ready".into(),
             None => self.target.describe(&self.world.graph),
         }

@@ -17,6 +17,7 @@ use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
 use crate::graph_builder::GraphBuilder;
+use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
 use crate::rooms::RoomMap;
@@ -120,6 +121,8 @@ pub struct WorldModel {
     pub body_height_m: f64,
     /// What was not used.
     pub ignored: Ignored,
+    /// What was seen from where, while the robot does not know where in a known building it is.
+    pub looks: Option<Looks>,
 }
 
 impl WorldModel {
@@ -175,13 +178,15 @@ impl WorldModel {
             floor_m,
             body_height_m,
             ignored: Ignored::default(),
+            looks: None,
             config: config.clone(),
         })
     }
 
     /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
-    pub fn know(&mut self, known: crate::archive::Known) {
-        self.frame = Frame::Set(MapFrame::default());
+    /// `frame` says where the odometry begins in it.
+    pub fn know(&mut self, known: crate::archive::Known, frame: MapFrame) {
+        self.frame = Frame::Set(frame);
         self.graph = known.graph;
         self.volume = known.volume;
         self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
@@ -259,6 +264,9 @@ impl WorldModel {
         let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
         if integrated.is_err() {
             self.ignored.updates += 1;
+        }
+        if let Some(looks) = &mut self.looks {
+            looks.add(&origin, &points, self.floor_m);
         }
         // In the air the distance field is asked instead.
         if self.robot.kind == RobotKind::Ground {
@@ -427,6 +435,11 @@ impl WorldModel {
             let point = from + way * (step as f64 / steps as f64);
             self.volume.observe(&point) != Cell::Occupied
         })
+    }
+
+    /// The camera of the panoramas.
+    pub fn camera(&self) -> Equirectangular {
+        self.camera
     }
 
     /// Name of each label id that the volume carries.

@@ -1,8 +1,9 @@
-//! The toolbox: ask a saved scene graph, record, run benches.
+//! The toolbox: ask a saved scene graph, record and read bags, align scans, run benches.
 
 mod ask;
 mod bench;
 mod record;
+mod register;
 
 use std::process::ExitCode;
 
@@ -20,6 +21,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Aligns two scans: pose, inliers, time
+    Register(register::RegisterOptions),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
     Record(record::RecordOptions),
     /// Measures the whole system
@@ -38,6 +41,7 @@ enum BenchCommand {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Register(options) => register::run(&options),
         Command::Record(options) => record::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),

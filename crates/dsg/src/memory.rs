@@ -118,7 +118,8 @@ impl ObjectMemory {
         let last_ns = self.tracks.entry(track).or_insert(stamp_ns);
         *last_ns = stamp_ns.max(*last_ns);
         while self.tracks.len() > MAX_TRACKS {
-            let oldest = self.tracks.iter().min_by_key(|(track, last_ns)| (**last_ns, **track)).map(|(track, _)| *track);
+            let oldest =
+                self.tracks.iter().min_by_key(|(track, last_ns)| (**last_ns, **track)).map(|(track, _)| *track);
             oldest.and_then(|track| self.tracks.remove(&track));
         }
     }

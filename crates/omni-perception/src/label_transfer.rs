@@ -14,8 +14,8 @@ use thiserror::Error;
 use crate::equirectangular::CameraError;
 use crate::mask_group::group_masks;
 use crate::mask_index::{Erosion, MaskIndex};
-use crate::near_mode::{Apparent, NearMode, near_mode};
 use crate::mask_outline::Outline;
+use crate::near_mode::{Apparent, NearMode, near_mode};
 use crate::range_buffer::{RangeBuffer, Tolerance};
 use crate::{Equirectangular, Mask};
 

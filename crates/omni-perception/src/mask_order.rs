@@ -36,9 +36,8 @@ pub(crate) fn stacked(masks: &[Mask], outlines: &[Outline], members: &[usize]) -
             if is_placed[outer] {
                 continue;
             }
-            let lies_inside = |&inner: &usize| {
-                !is_placed[inner] && lies_inside(&outlines[ranked[inner]], &outlines[ranked[outer]])
-            };
+            let lies_inside =
+                |&inner: &usize| !is_placed[inner] && lies_inside(&outlines[ranked[inner]], &outlines[ranked[outer]]);
             match (from..ranked.len()).find(lies_inside) {
                 Some(inner) => open.extend([(outer, inner + 1), (inner, 0)]),
                 None => {

@@ -15,9 +15,8 @@ pub(crate) struct Outline {
 impl Outline {
     pub(crate) fn new(mask: &Rle) -> Outline {
         let spans: Vec<Span> = mask.spans().collect();
-        let rows = spans
-            .iter()
-            .fold((mask.height(), 0), |(top, bottom), span| (span.top.min(top), span.bottom.max(bottom)));
+        let rows =
+            spans.iter().fold((mask.height(), 0), |(top, bottom), span| (span.top.min(top), span.bottom.max(bottom)));
         Outline { spans, area_px: mask.area(), rows }
     }
 

@@ -65,8 +65,7 @@ impl CellGrid {
     pub(crate) fn new(camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> CellGrid {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let mut grid =
-            CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: vec![FAR; columns * rows] };
+        let mut grid = CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: vec![FAR; columns * rows] };
         grid.paint(camera, cell_px, masks);
         grid.mark_neighbours();
         grid
@@ -161,12 +160,7 @@ pub(crate) struct Filled {
 
 impl RangeBuffer {
     /// Projects all points and keeps the nearest of each cell near a mask.
-    pub(crate) fn fill(
-        points: &[Point3<f32>],
-        camera: &Equirectangular,
-        cell_px: u32,
-        masks: &MaskIndex,
-    ) -> Filled {
+    pub(crate) fn fill(points: &[Point3<f32>], camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> Filled {
         let grid = CellGrid::new(camera, cell_px, masks);
         let projection = FastProjection::new(camera);
         let mut nearest_m = vec![f32::INFINITY; grid.shows.len()];
@@ -268,8 +262,7 @@ mod tests {
         for (width_px, height_px, cell_px) in [(40, 12, 2), (41, 13, 3), (7, 5, 4), (3, 3, 1), (5, 2, 9)] {
             let camera = Equirectangular { width_px, height_px, ..Equirectangular::default() };
             let of = |is_set: &dyn Fn(u32, u32) -> bool| {
-                let pixels: Vec<bool> =
-                    (0..width_px * height_px).map(|i| is_set(i % width_px, i / width_px)).collect();
+                let pixels: Vec<bool> = (0..width_px * height_px).map(|i| is_set(i % width_px, i / width_px)).collect();
                 Mask::new(Rle::from_rows(width_px, height_px, &pixels).expect("all pixels"), "thing", 0.5)
             };
             let masks = [of(&|u, v| u < 9 && v < 9), of(&|u, v| (u + 2 * v) % 23 == 3), of(&|u, _| u == 40)];

@@ -343,14 +343,7 @@ impl Frame<'_> {
             .collect()
     }
 
-    fn record(
-        &self,
-        region: Region,
-        label: String,
-        score: f32,
-        caption: String,
-        track: u64,
-    ) -> (Region, MaskRecord) {
+    fn record(&self, region: Region, label: String, score: f32, caption: String, track: u64) -> (Region, MaskRecord) {
         let counts = region.coco_counts(self.width, self.height);
         let mask = MaskRecord { counts, label, score, caption, track };
         (region, mask)

@@ -56,6 +56,8 @@ pub(crate) fn local_of(voxel: [i32; 3]) -> usize {
 /// One bit a voxel.
 pub(crate) type VoxelSet = [u64; 8];
 
+pub(crate) const ALL_VOXELS: VoxelSet = [u64::MAX; 8];
+
 #[inline]
 pub(crate) fn contains(set: &VoxelSet, local: usize) -> bool {
     set[local >> 6] >> (local & 63) & 1 == 1
@@ -78,8 +80,6 @@ pub(crate) struct Votes {
 #[derive(Debug, Clone)]
 pub(crate) struct Block {
     pub key: BlockKey,
-    /// Face neighbours: -x, +x, -y, +y, -z, +z; [`NONE`] where there is none.
-    pub links: [u32; 6],
     /// Weight >= min_weight.
     pub known: VoxelSet,
     /// Known, and the centre at most a quarter voxel in front of a surface (0.45 if it was occupied before).
@@ -88,7 +88,6 @@ pub(crate) struct Block {
     pub near_surface: VoxelSet,
     /// Firmly free: looking through once more changes nothing.
     pub settled: VoxelSet,
-    pub all_settled: bool,
     /// Scan in which the three sets below were last started afresh.
     pub scan: u32,
     /// Voxels in the truncation band of a return of this scan.
@@ -110,12 +109,10 @@ impl Block {
     pub fn new(key: BlockKey) -> Self {
         Self {
             key,
-            links: [NONE; 6],
             known: [0; 8],
             occupied: [0; 8],
             near_surface: [0; 8],
             settled: [0; 8],
-            all_settled: false,
             scan: 0,
             in_band: [0; 8],
             hit: [0; 8],
@@ -141,31 +138,45 @@ impl Block {
         true
     }
 
-    /// Recomputes the bit sets of the given layers from distances and weights; notes the revision if the map's answer changed.
-    pub fn refresh(&mut self, layers: impl Fn(usize) -> bool, thresholds: &Thresholds, revision: u32) {
-        let mut changed = false;
-        for z in (0..8).filter(|z| layers(*z)) {
+    /// Recomputes the bit sets of the given voxels from distances and weights; true if what the map answers has changed.
+    pub fn refresh(&mut self, voxels: &VoxelSet, thresholds: &Thresholds) -> bool {
+        let mut is_changed = false;
+        for (z, voxels) in voxels.iter().enumerate() {
+            let mut rest = *voxels;
+            if rest == 0 {
+                continue;
+            }
             let weights: &[u8; 64] = self.weight[z * 64..][..64].try_into().expect("a layer has 64 voxels");
             let distances: &[i16; 64] = self.distance[z * 64..][..64].try_into().expect("a layer has 64 voxels");
-            let known = bits(|i| weights[i] >= thresholds.min_weight);
-            let observed = bits(|i| weights[i] > 0);
-            let inside = bits(|i| distances[i] < thresholds.occupied_below);
-            let still_inside = bits(|i| distances[i] < thresholds.occupied_until);
-            let near = bits(|i| distances[i] < thresholds.near_below);
-            let firm = bits(|i| weights[i] >= thresholds.settled_weight);
-            let far = bits(|i| distances[i] >= thresholds.settled_above);
-            // Hysteresis: range noise must not flip voxels at the border, and all that hangs on them, with every scan.
-            let occupied = known & (inside | still_inside & self.occupied[z]);
-            changed |= known != self.known[z] || occupied != self.occupied[z];
+            let before = self.occupied[z];
+            let [mut known, mut occupied, mut near, mut settled] = [0u64; 4];
+            while rest != 0 {
+                let i = rest.trailing_zeros();
+                rest &= rest - 1;
+                let (weight, distance) = (weights[i as usize & 63], distances[i as usize & 63]);
+                let is_known = weight >= thresholds.min_weight;
+                // Hysteresis: range noise must not flip voxels at the border, and all that hangs on them, with every scan.
+                let until = if before >> i & 1 == 1 { thresholds.occupied_until } else { thresholds.occupied_below };
+                known |= u64::from(is_known) << i;
+                occupied |= u64::from(is_known & (distance < until)) << i;
+                near |= u64::from((weight > 0) & (distance < thresholds.near_below)) << i;
+                settled |=
+                    u64::from((weight >= thresholds.settled_weight) & (distance >= thresholds.settled_above)) << i;
+            }
+            let put = |word: u64, new: u64| word & !*voxels | new;
+            let (known, occupied) = (put(self.known[z], known), put(before, occupied));
+            is_changed |= known != self.known[z] || occupied != before;
             self.known[z] = known;
             self.occupied[z] = occupied;
-            self.near_surface[z] = observed & near;
-            self.settled[z] = firm & far;
+            self.near_surface[z] = put(self.near_surface[z], near);
+            self.settled[z] = put(self.settled[z], settled);
         }
-        self.all_settled = self.settled == [u64::MAX; 8];
-        if changed {
-            self.occupancy_revision = revision;
-        }
+        is_changed
+    }
+
+    /// The last change of anything.
+    pub fn newest_revision(&self) -> u32 {
+        self.occupancy_revision.max(self.surface_revision)
     }
 
     /// Folds one observation of a signed distance into a voxel.
@@ -194,20 +205,6 @@ impl Block {
         self.distance[local] = new.ceil() as i16;
         self.weight[local] = (weight + clear).min(thresholds.max_weight);
     }
-}
-
-/// One bit for each of 64 answers, eight at a time so that the compiler can use vector compares.
-#[inline]
-fn bits(answer: impl Fn(usize) -> bool) -> u64 {
-    let mut word = 0u64;
-    for group in 0..8 {
-        let mut byte = 0u8;
-        for bit in 0..8 {
-            byte |= u8::from(answer(8 * group + bit)) << bit;
-        }
-        word |= u64::from(byte) << (8 * group);
-    }
-    word
 }
 
 /// The weight left to a "free" that a return contradicts: half a dozen returns close a voxel.
@@ -279,12 +276,12 @@ mod tests {
         for _ in 0..50 {
             block.observe_distance(0, inside, &thresholds);
         }
-        block.refresh(|_| true, &thresholds, 1);
+        block.refresh(&ALL_VOXELS, &thresholds);
         assert!(contains(&block.occupied, 0) && block.weight[0] == 20);
         let mut scans = 0;
         while contains(&block.occupied, 0) {
             block.observe_free(0, &thresholds);
-            block.refresh(|_| true, &thresholds, 2);
+            block.refresh(&ALL_VOXELS, &thresholds);
             scans += 1;
         }
         // By hand: -0.05 -> 0.0167 -> 0.0611, an occupied voxel stays so up to 0.0225.
@@ -292,12 +289,12 @@ mod tests {
         for _ in 0..50 {
             block.observe_free(0, &thresholds);
         }
-        block.refresh(|_| true, &thresholds, 3);
+        block.refresh(&ALL_VOXELS, &thresholds);
         assert!(contains(&block.settled, 0));
         let mut returns = 0;
         while !contains(&block.occupied, 0) {
             block.observe_distance(0, 0.0, &thresholds);
-            block.refresh(|_| true, &thresholds, 4);
+            block.refresh(&ALL_VOXELS, &thresholds);
             returns += 1;
         }
         // By hand: 0.15 -> 0.075 -> 0.0375 with weight one, then a mean: 0.025, 0.019, 0.015, 0.0125 (rounded down).

@@ -8,19 +8,21 @@
 //!    belongs to. That keeps floors and table tops at grazing angles, table legs and door frames.
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
-//! Cost: about six voxels for each return that pulls; the walk jumps over blocks that are firmly free already.
+//! This file is the text, with the plain walk for steps 1 and 2 ([`Volume::integrate_plainly`]); what runs is
+//! [`integrate_fast`](crate::integrate_fast), which is held to the same bytes. Cost: about six voxels for each return that pulls;
+//! the fast walk crosses blocks that are firmly free already in one step.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
-use crate::ray::{RayWalk, floor};
+use crate::ray::{RayWalk, fixed, floor};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
 /// What one call of [`Volume::integrate`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IntegrationReport {
-    /// Returns within range that pulled the band.
+    /// Returns within range.
     pub integrated: usize,
     /// Points with a coordinate that is not finite; skipped.
     pub non_finite: usize,
@@ -58,8 +60,42 @@ impl Volume {
         origin_in_world: &Point3<f64>,
         points_in_world: &[Point3<f32>],
     ) -> Result<IntegrationReport, IntegrationError> {
-        let scale = 1.0 / self.config.voxel_m;
-        let origin = origin_in_world.coords * scale;
+        self.fold(origin_in_world, points_in_world, Self::pull_bands_fast, Self::look_through_fast)
+    }
+
+    /// The same without steps 2 and 3: surfaces only, nothing is ever seen free beyond the truncation band and nothing that
+    /// went away is cleared. For offline meshes of still scenes.
+    ///
+    /// # Errors
+    /// As [`integrate`](Self::integrate).
+    pub fn integrate_band(
+        &mut self,
+        origin_in_world: &Point3<f64>,
+        points_in_world: &[Point3<f32>],
+    ) -> Result<IntegrationReport, IntegrationError> {
+        self.fold(origin_in_world, points_in_world, Self::pull_bands_fast, |_, _, _| {})
+    }
+
+    /// [`integrate`](Self::integrate) voxel by voxel: the same bytes, slower. For readers and tests.
+    ///
+    /// # Errors
+    /// As [`integrate`](Self::integrate).
+    pub fn integrate_plainly(
+        &mut self,
+        origin_in_world: &Point3<f64>,
+        points_in_world: &[Point3<f32>],
+    ) -> Result<IntegrationReport, IntegrationError> {
+        self.fold(origin_in_world, points_in_world, Self::pull_bands, Self::look_through)
+    }
+
+    fn fold(
+        &mut self,
+        origin_in_world: &Point3<f64>,
+        points_in_world: &[Point3<f32>],
+        pull_bands: impl FnOnce(&mut Self, &[Ray], &mut Scan),
+        look_through: impl FnOnce(&mut Self, &[Ray], &mut Scan),
+    ) -> Result<IntegrationReport, IntegrationError> {
+        let origin = origin_in_world.coords / self.config.voxel_m;
         if origin.iter().any(|q| q.is_nan() || q.abs() >= MAX_VOXEL_INDEX / 4.0) {
             return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
@@ -72,20 +108,8 @@ impl Volume {
             last_entered: (BlockKey { x: i32::MAX, y: 0, z: 0 }, NONE),
         };
         let rays = self.mark_returns(points_in_world, &mut scan);
-        for ray in &rays {
-            if let Some(end) = ray.end {
-                self.pull_band(ray, end, &mut scan);
-            }
-        }
-        for id in &scan.touched {
-            let block = &mut self.blocks[*id as usize];
-            let pulled = block.in_band;
-            block.refresh(|z| pulled[z] != 0, &self.thresholds, self.revision);
-        }
-        for ray in rays.iter().filter(|ray| ray.is_clearing) {
-            scan.report.clearing_rays += 1;
-            self.look_through(ray, &mut scan);
-        }
+        pull_bands(self, &rays, &mut scan);
+        look_through(self, &rays, &mut scan);
         self.clear_marked(&mut scan);
         scan.report.new_blocks = self.blocks.len() - blocks_before;
         Ok(scan.report)
@@ -93,14 +117,20 @@ impl Volume {
 
     /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
     ///
-    /// The first return in a voxel pulls, and clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. The
-    /// others pull too unless they fall on a surface that is firmly known, to which they add little.
+    /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All pull, except
+    /// on a surface that is firmly known: there only the first return pulls, and only every other scan unless it does not
+    /// agree with the map.
+    #[inline(never)]
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
         let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
+        let near = near.max(1e-6);
         let mut rays = Vec::with_capacity(points.len() / 2);
-        let turn = self.config.clear_every as i64;
+        let turn = u32::try_from(self.config.clear_every).unwrap_or(u32::MAX);
         let firm = self.config.max_weight / 2;
+        let behind = self.config.behind_m * scale;
+        let protected = [0.5 * behind, behind];
+        let voxels_per_unit = 1.0 / (f64::from(self.thresholds.units_per_m) * self.config.voxel_m);
         for point in points {
             let offset = point.coords.cast::<f64>() * scale - scan.origin;
             let range = offset.norm();
@@ -108,19 +138,21 @@ impl Volume {
                 scan.report.non_finite += 1;
                 continue;
             }
-            if range < near || range < 1e-6 {
+            if range < near {
                 scan.report.too_near += 1;
                 continue;
             }
-            let direction = offset / range;
-            let tip = if range > far { scan.origin + direction * far } else { scan.origin + offset };
+            let direction = offset * (1.0 / range);
+            let is_beyond = range > far;
+            let tip = scan.origin + if is_beyond { direction * far } else { offset };
             let end: [i32; 3] = tip.map(floor).into();
-            let is_turn =
-                (end.iter().map(|i| i64::from(*i)).sum::<i64>() + i64::from(self.revision)).rem_euclid(turn) == 0;
-            if range > far {
+            let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
+            let is_turn = checker.wrapping_add(self.revision).is_multiple_of(turn);
+            let may_pull = checker.wrapping_add(self.revision).is_multiple_of(2);
+            if is_beyond {
                 scan.report.beyond_range += 1;
                 if is_turn {
-                    rays.push(Ray { direction, range: far, end: None, is_clearing: true });
+                    rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
                 }
                 continue;
             }
@@ -130,92 +162,107 @@ impl Volume {
                 continue;
             }
             let block = &mut self.blocks[id as usize];
-            block.surface_revision = self.revision;
             let local = local_of(end);
             let is_first = !contains(&block.hit, local);
             insert(&mut block.hit, local);
+            let is_clearing = is_first && is_turn;
             let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
-            if is_first || !is_firm {
-                rays.push(Ray { direction, range, end: Some(end), is_clearing: is_first && is_turn });
+            if is_firm && !is_clearing {
+                let depth = range - (Vector3::from(end.map(|i| f64::from(i) + 0.5)) - scan.origin).dot(&direction);
+                let agrees = (depth - f64::from(block.distance[local]) * voxels_per_unit).abs() < AGREES_VOXELS;
+                if !is_first {
+                    continue;
+                }
+                if agrees && !may_pull {
+                    // It says nothing new, but what it stands for must not be cleared: the solid may begin in the next voxel.
+                    for behind in protected {
+                        let voxel = (tip + direction * behind).map(floor).into();
+                        let id = self.enter(BlockKey::of_voxel(voxel), scan);
+                        if id != NONE {
+                            insert(&mut self.blocks[id as usize].in_band, local_of(voxel));
+                        }
+                    }
+                    continue;
+                }
             }
+            rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing });
         }
         rays
     }
 
-    /// Step 1 for one return.
-    fn pull_band(&mut self, ray: &Ray, end: [i32; 3], scan: &mut Scan) {
-        let scale = 1.0 / self.config.voxel_m;
-        // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
-        let (front, behind) = ((self.config.truncation_m * scale).min(3.0), self.config.behind_m * scale);
-        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
-        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - front).max(0.0));
-        let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
-        loop {
-            if id != NONE {
-                let block = &mut self.blocks[id as usize];
-                let local = local_of(walk.index);
-                let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
-                let signed = ray.range - (center - scan.origin).dot(&ray.direction);
-                // A ray that slides over a surface and ends farther on says nothing against a voxel that another ray hit.
-                let slides_over = signed > 0.5 && walk.index != end && contains(&block.hit, local);
-                if signed >= -behind && !slides_over {
-                    let stored = (signed * units_per_voxel).min(f64::from(DISTANCE_ONE)) as f32;
-                    block.observe_distance(local, stored, &self.thresholds);
-                    insert(&mut block.in_band, local);
+    /// Step 1, voxel by voxel.
+    fn pull_bands(&mut self, rays: &[Ray], scan: &mut Scan) {
+        let band = Band::of(self);
+        for ray in rays {
+            let Some(end) = ray.end else { continue };
+            let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - band.front).max(0.0));
+            let (range, stop) = (fixed(ray.range), fixed(ray.range + band.behind));
+            let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
+            loop {
+                if id != NONE {
+                    let block = &mut self.blocks[id as usize];
+                    let local = local_of(walk.index);
+                    let depth = range - walk.foot;
+                    // A ray that slides over a surface and ends farther on says nothing against a voxel that another ray hit.
+                    let slides_over = depth > band.half_voxel && walk.index != end && contains(&block.hit, local);
+                    if walk.foot <= stop && !slides_over {
+                        block.observe_distance(local, band.stored(depth), &self.thresholds);
+                        insert(&mut block.in_band, local);
+                    }
                 }
+                let (axis, t) = walk.next_border();
+                if t > stop {
+                    break;
+                }
+                id = self.cross(id, &mut walk, axis, scan);
             }
-            let (axis, t) = walk.next_border();
-            if t > ray.range + behind {
-                return;
-            }
-            walk.cross(axis);
-            id = self.follow(id, &walk, axis, scan);
         }
     }
 
-    /// Step 2 for one ray.
-    fn look_through(&mut self, ray: &Ray, scan: &mut Scan) {
-        // One voxel before the return, or all the way if there is none.
-        let stop = if ray.end.is_some() { ray.range - 1.0 } else { ray.range };
-        if stop <= 0.0 {
-            return;
-        }
-        let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), 0.0);
-        let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
-        loop {
-            if id != NONE {
-                let block = &mut self.blocks[id as usize];
-                if block.all_settled {
-                    walk.jump_to_block_end();
-                } else {
+    /// Step 2, voxel by voxel.
+    fn look_through(&mut self, rays: &[Ray], scan: &mut Scan) {
+        for ray in rays.iter().filter(|ray| ray.is_clearing) {
+            scan.report.clearing_rays += 1;
+            let Some(stop) = ray.clears_until() else { continue };
+            let mut walk = RayWalk::new(scan.origin.into(), ray.direction.into(), 0.0);
+            let mut id = self.enter(BlockKey::of_voxel(walk.index), scan);
+            loop {
+                if id != NONE {
+                    let block = &self.blocks[id as usize];
                     let local = local_of(walk.index);
-                    if !contains(&block.near_surface, local) {
-                        insert(&mut block.seen_through, local);
-                    } else if !contains(&block.seen_through, local)
-                        && !contains(&block.in_band, local)
-                        && !contains(&block.hit, local)
-                        && self.may_clear(id, &walk, ray, &scan.origin)
-                    {
+                    let is_open = !contains(&block.near_surface, local)
+                        || !contains(&block.in_band, local)
+                            && !contains(&block.hit, local)
+                            && self.may_clear(id, walk.index, ray, &scan.origin);
+                    if is_open {
                         insert(&mut self.blocks[id as usize].seen_through, local);
                     }
                 }
+                let (axis, t) = walk.next_border();
+                if t > stop {
+                    break;
+                }
+                id = self.cross(id, &mut walk, axis, scan);
             }
-            let (axis, t) = walk.next_border();
-            if t > stop {
-                return;
-            }
-            walk.cross(axis);
-            id = self.follow(id, &walk, axis, scan);
         }
     }
 
+    /// One voxel on; the block it is in.
+    fn cross(&mut self, id: u32, walk: &mut RayWalk, axis: usize, scan: &mut Scan) -> u32 {
+        let left = BlockKey::of_voxel(walk.index);
+        walk.cross(axis);
+        let key = BlockKey::of_voxel(walk.index);
+        if key == left { id } else { self.enter(key, scan) }
+    }
+
     /// May a ray clear the voxel near a surface that it stands in?
-    fn may_clear(&self, id: u32, walk: &RayWalk, ray: &Ray, origin: &Vector3<f64>) -> bool {
-        let here = f64::from(self.blocks[id as usize].distance[local_of(walk.index)]);
+    #[inline(never)]
+    pub(crate) fn may_clear(&self, id: u32, voxel: [i32; 3], ray: &Ray, origin: &Vector3<f64>) -> bool {
+        let here = f64::from(self.blocks[id as usize].distance[local_of(voxel)]);
         let noticeable = 0.6 * f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
         // The surfaces the voxel may belong to: the border of a solid (by the gradient of the distance), or a sheet that is free on
         // both sides of one axis. A pole or a crumb is a sheet along two axes or three: no surface that a ray could slide over.
-        let center = Vector3::from(walk.index.map(|i| f64::from(i) + 0.5));
+        let center = Vector3::from(voxel.map(|i| f64::from(i) + 0.5));
         let rest = ray.range - (center - origin).dot(&ray.direction);
         let mut gradient = Vector3::zeros();
         let mut sheets = 0;
@@ -223,7 +270,7 @@ impl Volume {
         for axis in 0..3 {
             let mut rise = [0.0; 2];
             for (side, rise) in rise.iter_mut().enumerate() {
-                let Some((block, local)) = self.face_neighbour(id, walk.index, axis, side) else {
+                let Some((block, local)) = self.face_neighbour(id, voxel, axis, side) else {
                     continue;
                 };
                 if block.scan == self.revision && contains(&block.hit, local) {
@@ -253,73 +300,61 @@ impl Volume {
     fn face_neighbour(&self, id: u32, voxel: [i32; 3], axis: usize, side: usize) -> Option<(&Block, usize)> {
         let mut other = voxel;
         other[axis] += if side == 1 { 1 } else { -1 };
-        let id =
-            if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.blocks[id as usize].links[2 * axis + side] };
+        let id = if other[axis] >> 3 == voxel[axis] >> 3 { id } else { self.nodes[id as usize].links[2 * axis + side] };
         (id != NONE).then(|| (&self.blocks[id as usize], local_of(other)))
     }
 
-    /// Step 3.
+    /// Step 3, and the bit sets of what changed.
+    #[inline(never)]
     fn clear_marked(&mut self, scan: &mut Scan) {
         for id in &scan.touched {
             let block = &mut self.blocks[*id as usize];
-            let mut cleared = 0;
-            let mut layers = [false; 8];
-            for (z, layer) in layers.iter_mut().enumerate() {
+            let (mut cleared, mut pulled) = (0, 0);
+            let mut is_surface_cleared = false;
+            let mut changed = block.in_band;
+            for (z, changed) in changed.iter_mut().enumerate() {
                 let mut marked = block.seen_through[z] & !block.in_band[z] & !block.settled[z];
-                if marked & block.occupied[z] != 0 {
-                    block.surface_revision = self.revision;
-                }
+                is_surface_cleared |= marked & block.occupied[z] != 0;
+                pulled |= *changed;
+                *changed |= marked;
                 cleared += marked.count_ones() as usize;
-                *layer = marked != 0;
                 while marked != 0 {
                     let local = z * 64 + marked.trailing_zeros() as usize;
                     marked &= marked - 1;
                     block.observe_free(local, &self.thresholds);
                 }
             }
-            if cleared > 0 {
-                block.refresh(|z| layers[z], &self.thresholds, self.revision);
-                scan.report.cleared_voxels += cleared;
+            if cleared == 0 && pulled == 0 {
+                continue;
             }
+            scan.report.cleared_voxels += cleared;
+            let is_occupancy_changed = block.refresh(&changed, &self.thresholds);
+            if is_occupancy_changed {
+                block.occupancy_revision = self.revision;
+            }
+            if pulled != 0 || is_surface_cleared {
+                block.surface_revision = self.revision;
+            }
+            if block.newest_revision() == self.revision {
+                self.recent.renew(*id);
+            }
+            self.nodes[*id as usize].is_settled = block.settled == [u64::MAX; 8];
         }
     }
 
     /// The block of a key, made if need be and marked as touched.
-    fn enter(&mut self, key: BlockKey, scan: &mut Scan) -> u32 {
-        if scan.last_entered.0 == key {
-            return scan.last_entered.1;
+    #[inline(never)]
+    pub(crate) fn enter(&mut self, key: BlockKey, scan: &mut Scan) -> u32 {
+        if scan.last_entered.0 != key {
+            let id = self.ensure_block(key).map_or(NONE, |id| self.touch(id, scan));
+            scan.last_entered = (key, id);
         }
-        match self.ensure_block(key) {
-            Some(id) => {
-                scan.last_entered = (key, id);
-                self.touch(id, scan)
-            }
-            None => {
-                scan.report.refused_blocks += 1;
-                NONE
-            }
-        }
-    }
-
-    /// The block after the walk has crossed a border of `axis`.
-    #[inline(always)]
-    fn follow(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
-        let entered = if walk.step[axis] > 0 { 0 } else { 7 };
-        if walk.index[axis] & 7 == entered { self.next_block(id, walk, axis, scan) } else { id }
-    }
-
-    fn next_block(&mut self, id: u32, walk: &RayWalk, axis: usize, scan: &mut Scan) -> u32 {
-        if id != NONE {
-            let next = self.blocks[id as usize].links[2 * axis + usize::from(walk.step[axis] > 0)];
-            if next != NONE {
-                return self.touch(next, scan);
-            }
-        }
-        self.enter(BlockKey::of_voxel(walk.index), scan)
+        scan.report.refused_blocks += usize::from(scan.last_entered.1 == NONE);
+        scan.last_entered.1
     }
 
     #[inline]
-    fn touch(&mut self, id: u32, scan: &mut Scan) -> u32 {
+    pub(crate) fn touch(&mut self, id: u32, scan: &mut Scan) -> u32 {
         if self.blocks[id as usize].begin_scan(self.revision) {
             scan.touched.push(id);
         }
@@ -329,22 +364,64 @@ impl Volume {
 
 /// A ray that must end this far (in voxels) off a voxel's tangent plane before it counts against the voxel.
 const CLEAR_DEPTH_VOXELS: f64 = 1.5;
+/// A return this near (in voxels) to where the map has the surface says nothing new.
+const AGREES_VOXELS: f64 = 0.5;
 
-struct Scan {
-    report: IntegrationReport,
+pub(crate) struct Scan {
+    pub report: IntegrationReport,
     /// Blocks touched by this scan, in the order of touching.
-    touched: Vec<u32>,
+    pub touched: Vec<u32>,
     /// Sensor position, voxels.
-    origin: Vector3<f64>,
+    pub origin: Vector3<f64>,
     /// Neighbouring returns mostly enter the same block: saves the hash.
-    last_entered: (BlockKey, u32),
+    pub last_entered: (BlockKey, u32),
 }
 
 /// Lengths in voxels.
-struct Ray {
-    direction: Vector3<f64>,
-    range: f64,
+pub(crate) struct Ray {
+    pub direction: Vector3<f64>,
+    pub range: f64,
     /// The voxel of the return; none beyond the range.
-    end: Option<[i32; 3]>,
-    is_clearing: bool,
+    pub end: Option<[i32; 3]>,
+    /// Its block.
+    pub end_block: u32,
+    pub is_clearing: bool,
+}
+
+impl Ray {
+    /// One voxel before the return, or all the way if there is none; fixed point. `None` if nothing is left.
+    pub fn clears_until(&self) -> Option<i64> {
+        let stop = if self.end.is_some() { self.range - 1.0 } else { self.range };
+        (stop > 0.0).then(|| fixed(stop))
+    }
+}
+
+/// The truncation band, in voxels.
+pub(crate) struct Band {
+    pub front: f64,
+    pub behind: f64,
+    /// In fixed point.
+    pub half_voxel: i64,
+    /// Stored units per fixed-point unit.
+    units: f32,
+}
+
+impl Band {
+    pub fn of(volume: &Volume) -> Self {
+        let scale = 1.0 / volume.config.voxel_m;
+        let units_per_voxel = f64::from(volume.thresholds.units_per_m) * volume.config.voxel_m;
+        Self {
+            // Three voxels in front are more than the zero crossing depends on; beyond, looking through says the same.
+            front: (volume.config.truncation_m * scale).min(3.0),
+            behind: volume.config.behind_m * scale,
+            half_voxel: fixed(0.5),
+            units: (units_per_voxel / crate::ray::UNITS) as f32,
+        }
+    }
+
+    /// A depth before the return as the voxels store it.
+    #[inline(always)]
+    pub fn stored(&self, depth: i64) -> f32 {
+        (depth as f32 * self.units).min(f32::from(DISTANCE_ONE))
+    }
 }

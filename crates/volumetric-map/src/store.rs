@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 
 use thiserror::Error;
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, Votes};
+use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, Votes};
 use crate::config::{ConfigError, VolumeConfig};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
@@ -186,7 +186,7 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
         block.votes = Some(Box::new(votes));
     }
     // The hysteresis keeps what the file says as long as the distances allow it.
-    block.refresh(|_| true, &volume.thresholds, volume.revision);
+    block.refresh(&ALL_VOXELS, &volume.thresholds);
     if block.occupied != occupied {
         return Err(LoadError::Block(number));
     }

@@ -3,10 +3,11 @@
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashMap;
 
-use crate::block::{Block, BlockKey, NONE, Thresholds, Votes, contains, local_of};
+use crate::block::{ALL_VOXELS, Block, BlockKey, NONE, Thresholds, Votes, contains, local_of};
 use crate::config::{ConfigError, VolumeConfig};
 use crate::mesh::MeshCache;
 use crate::ray::floor;
+use crate::recent::Recent;
 
 /// What the map says about a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -29,10 +30,22 @@ pub struct Volume {
     pub(crate) config: VolumeConfig,
     pub(crate) thresholds: Thresholds,
     pub(crate) blocks: Vec<Block>,
+    /// What walks need to know of each block.
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) recent: Recent,
     index: FxHashMap<u64, u32>,
     /// Number of the last change (scan or vote).
     pub(crate) revision: u32,
     pub(crate) mesh_cache: MeshCache,
+}
+
+/// A block in the net of blocks; small, so that walks stay in the cache.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Node {
+    /// Face neighbours: -x, +x, -y, +y, -z, +z; [`NONE`] where there is none.
+    pub links: [u32; 6],
+    /// Every voxel of the block is firmly free.
+    pub is_settled: bool,
 }
 
 impl Volume {
@@ -46,6 +59,8 @@ impl Volume {
             thresholds: Thresholds::new(&config),
             config,
             blocks: Vec::new(),
+            nodes: Vec::new(),
+            recent: Recent::default(),
             index: FxHashMap::default(),
             revision: 0,
             mesh_cache: MeshCache::default(),
@@ -114,6 +129,7 @@ impl Volume {
                 votes.label[local] = *label;
                 votes.count[local] = 1;
                 block.surface_revision = revision;
+                self.recent.renew(id);
             } else if votes.label[local] == *label {
                 votes.count[local] = votes.count[local].saturating_add(1);
             } else {
@@ -157,10 +173,15 @@ impl Volume {
         Some(voxel)
     }
 
+    /// Blocks whose occupancy, band or votes changed after a revision, in no particular order.
+    pub(crate) fn changed_since(&self, revision: u32) -> impl Iterator<Item = &Block> {
+        self.recent.iter().map(|id| &self.blocks[id as usize]).take_while(move |b| b.newest_revision() > revision)
+    }
+
     /// Bytes taken by the blocks.
     pub fn memory_bytes(&self) -> usize {
         let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
-        self.blocks.len() * size_of::<Block>() + votes
+        self.blocks.len() * (size_of::<Block>() + size_of::<Node>() + size_of::<[u32; 2]>()) + votes
     }
 
     /// Checks everything that must hold between the parts; for tests.
@@ -171,18 +192,21 @@ impl Volume {
         assert_eq!(self.index.len(), self.blocks.len(), "index and blocks have one entry per block");
         for (id, block) in self.blocks.iter().enumerate() {
             assert_eq!(self.block_id(block.key), Some(id as u32), "the index finds the block");
-            for (side, link) in block.links.iter().enumerate() {
+            for (side, link) in self.nodes[id].links.iter().enumerate() {
                 let expected = self.block_id(neighbour_key(block.key, side)).unwrap_or(NONE);
                 assert_eq!(*link, expected, "links agree with the index");
             }
             let mut copy = block.clone();
-            copy.refresh(|_| true, &self.thresholds, u32::MAX);
+            copy.refresh(&ALL_VOXELS, &self.thresholds);
             assert_eq!(copy.known, block.known, "known set follows the weights");
             assert_eq!(copy.occupied, block.occupied, "occupied set follows the distances");
             assert_eq!(copy.settled, block.settled, "settled set follows both");
-            assert_eq!(copy.all_settled, block.all_settled, "summary follows the settled set");
+            assert_eq!(self.nodes[id].is_settled, block.settled == ALL_VOXELS, "summary follows the settled set");
             assert!(block.weight.iter().all(|w| *w <= self.config.max_weight), "weights are capped");
         }
+        let order: Vec<u32> = self.recent.iter().map(|id| self.blocks[id as usize].newest_revision()).collect();
+        assert_eq!(order.len(), self.blocks.len(), "every block is in the list of changes");
+        assert!(order.windows(2).all(|w| w[0] >= w[1]), "changes are listed from the newest");
     }
 
     pub(crate) fn observe_voxel(&self, voxel: [i32; 3]) -> Cell {
@@ -217,20 +241,25 @@ impl Volume {
         if self.blocks.len() >= self.config.max_blocks {
             return None;
         }
-        Some(self.push_block(Block::new(key)))
+        let mut block = Block::new(key);
+        block.occupancy_revision = self.revision;
+        Some(self.push_block(block))
     }
 
-    /// Adds a block whose key is new and ties it to its neighbours.
+    /// Adds a block whose key is new and that changed at the present revision, and ties it to its neighbours.
     pub(crate) fn push_block(&mut self, block: Block) -> u32 {
         let id = self.blocks.len() as u32;
         let key = block.key;
         self.index.insert(key.packed(), id);
+        let is_settled = block.settled == ALL_VOXELS;
         self.blocks.push(block);
+        self.nodes.push(Node { links: [NONE; 6], is_settled });
+        self.recent.push();
         for side in 0..6 {
             let neighbour = self.block_id(neighbour_key(key, side)).unwrap_or(NONE);
-            self.blocks[id as usize].links[side] = neighbour;
+            self.nodes[id as usize].links[side] = neighbour;
             if neighbour != NONE {
-                self.blocks[neighbour as usize].links[side ^ 1] = id;
+                self.nodes[neighbour as usize].links[side ^ 1] = id;
             }
         }
         id

@@ -67,6 +67,21 @@ mod volume {
         }
 
         #[test]
+        fn the_fast_walk_gives_the_bytes_of_the_plain_one(scans in prop::collection::vec(scan(), 1..6), every in 1usize..4, full in 3usize..200) {
+            let max_blocks = if full > 100 { 60_000 } else { full };
+            let config = VolumeConfig { clear_every: every, max_blocks, ..VolumeConfig::default() };
+            let (mut fast, mut plain) = (Volume::new(config.clone()).unwrap(), Volume::new(config).unwrap());
+            for (origin, points) in &scans {
+                // Twice, so that the second finds surfaces and settled blocks.
+                for _ in 0..2 {
+                    let report = fast.integrate(origin, points).unwrap();
+                    prop_assert_eq!(report, plain.integrate_plainly(origin, points).unwrap());
+                    prop_assert_eq!(bytes_of(&fast), bytes_of(&plain));
+                }
+            }
+        }
+
+        #[test]
         fn the_same_scans_give_the_same_bytes(scans in prop::collection::vec(scan(), 1..4)) {
             prop_assert_eq!(bytes_of(&volume_of(&scans)), bytes_of(&volume_of(&scans)));
         }
@@ -158,6 +173,10 @@ mod volume {
             volume.update_mesh();
             loaded.update_mesh();
             prop_assert_eq!(loaded.mesh(), volume.mesh());
+            // And it goes on like the one that was saved.
+            volume.integrate(&probes.0, &probes.1).unwrap();
+            loaded.integrate(&probes.0, &probes.1).unwrap();
+            prop_assert_eq!(bytes_of(&loaded), bytes_of(&volume));
         }
 
         #[test]

@@ -84,6 +84,25 @@ fn walls_legs_and_doors_of_two_rooms_are_right() {
 }
 
 #[test]
+fn the_fast_walk_gives_the_bytes_of_the_plain_one_in_a_building() {
+    let world = World::two_rooms();
+    let mut lidar = Lidar::new(32, 256, NOISE_M, 9);
+    let (mut fast, mut plain) =
+        (Volume::new(VolumeConfig::default()).unwrap(), Volume::new(VolumeConfig::default()).unwrap());
+    for (pose, _) in drive(&TWO_ROOMS_WAY, LIDAR_HEIGHT, 0.4) {
+        let points = in_world(&lidar.scan(&world, &pose), &pose);
+        let origin = pose.translation.vector.into();
+        let report = fast.integrate(&origin, &points).unwrap();
+        assert_eq!(report, plain.integrate_plainly(&origin, &points).unwrap());
+    }
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    fast.save(&mut a).unwrap();
+    plain.save(&mut b).unwrap();
+    assert!(a == b, "the maps differ");
+    fast.check_invariants();
+}
+
+#[test]
 fn a_ghost_wall_is_gone_a_second_after_the_pose_was_corrected() {
     let world = World::two_rooms();
     let mut volume = Volume::new(VolumeConfig::default()).unwrap();

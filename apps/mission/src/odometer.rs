@@ -30,7 +30,7 @@ pub struct Refused {
 }
 
 /// The filter and what waits for it.
-pub struct Localiser {
+pub struct Odometer {
     lio: LidarInertialOdometry,
     /// What the sensors said until the filter was level.
     held: Vec<SensorEvent>,
@@ -39,12 +39,12 @@ pub struct Localiser {
     pub refused: Refused,
 }
 
-impl Localiser {
+impl Odometer {
     /// For a robot that stands at `start` in the frame that its estimates shall have.
     ///
     /// # Errors
     /// [`MissionError::Odometry`] if the configuration makes no sense.
-    pub fn new(config: &LioConfig, robot: &RobotModel, start: &Isometry3<f64>) -> Result<Localiser, MissionError> {
+    pub fn new(config: &LioConfig, robot: &RobotModel, start: &Isometry3<f64>) -> Result<Odometer, MissionError> {
         let mount = RotatingMount {
             body_from_stator: robot.sensors.body_from_lidar_stator,
             rotor_from_sensor: robot.sensors.rotor_from_sensor,
@@ -53,7 +53,7 @@ impl Localiser {
             let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.range_sigma_m);
             LidarInertialOdometry::with_map(config.clone(), mount, robot.sensors.body_from_imu, map, Some(*start))?
         };
-        Ok(Localiser { lio, held: Vec::new(), newest: None, refused: Refused::default() })
+        Ok(Odometer { lio, held: Vec::new(), newest: None, refused: Refused::default() })
     }
 
     /// The newest estimate, for a flight controller that has no eyes of its own.
