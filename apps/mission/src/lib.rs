@@ -36,6 +36,7 @@ pub mod reach;
 pub mod reasoning;
 pub mod recording;
 pub mod relation_verifier;
+pub mod rig;
 pub mod rooms;
 pub mod segmentation_files;
 pub mod segmenter;
