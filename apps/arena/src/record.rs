@@ -85,8 +85,7 @@ pub fn record(
 
     // Nobody steers by the odometry here, so it is the truth; it goes into no bag.
     let mut simulation_config = config.simulation.clone();
-    simulation_config.drift =
-        Some(DriftConfig { yaw_rad_per_m: 0.0, position_per_m: 0.0, ..DriftConfig::default() });
+    simulation_config.drift = Some(DriftConfig { yaw_rad_per_m: 0.0, position_per_m: 0.0, ..DriftConfig::default() });
     let mut simulation = Simulation::new(&simulation_config, robot, scene, &start, &start, seed)?;
     let mut clock = StageClock::new(CpuScope::Thread);
     let mut recorder = Recorder {

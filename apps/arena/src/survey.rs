@@ -52,7 +52,7 @@ pub fn survey(
         OdometrySource::Stream => None,
     };
     let pilot_config = PilotConfig { flight_height_m: config.mission.flight_height_m, ..PilotConfig::default() };
-    let mut pilot = Pilot::new(pilot_config, robot, tour.way.clone(), start, floor_z_m);
+    let mut pilot = Pilot::new(pilot_config, robot, tour, start, floor_z_m);
     let mut next_refresh_s = 0.0;
     while !pilot.is_over(simulation.seconds()) {
         let now_s = simulation.seconds();

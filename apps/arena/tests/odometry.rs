@@ -18,7 +18,8 @@ fn errors(result: &RunResult) -> (f64, f64) {
         let believed = result.truth.truth_from_map * Isometry3::from_parts(Vector3::new(x, y, z).into(), heading);
         // Both logs are kept at full tenths of a second of the same clock.
         let stamp_ns = (sample.t_s * 1e9).round() as i64;
-        let Some((_, truth)) = result.truth.poses.iter().find(|(at_ns, _)| (at_ns - stamp_ns).abs() < 10_000_000) else {
+        let Some((_, truth)) = result.truth.poses.iter().find(|(at_ns, _)| (at_ns - stamp_ns).abs() < 10_000_000)
+        else {
             continue;
         };
         worst_m = worst_m.max((believed.translation.vector - truth.translation.vector).norm());

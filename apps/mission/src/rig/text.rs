@@ -2,9 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use omni_perception::camera::{DoubleSphere, KannalaBrandt, Ocam, PinholeRadtan, parse_ocam_text};
-use omni_perception::{
-    Camera, CameraError, Equirectangular, Intrinsics, RotatingMount, StitchConfig, camera_from_optical,
-};
+use omni_perception::{Camera, Equirectangular, Intrinsics, RotatingMount, StitchConfig, camera_from_optical};
 use robot_model::RobotModel;
 
 use super::keys::{RawCamera, RawImu, RawLidar, RawPanorama, RawPose, RawRig};
