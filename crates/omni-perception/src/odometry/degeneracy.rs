@@ -61,3 +61,39 @@ pub(crate) fn weak_directions(matrix: &Matrix3<f64>, threshold: f64) -> Vec<Vect
     weak.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     weak.iter().map(|&k| eigen.eigenvectors.column(k).into_owned()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Stamp;
+    use crate::odometry::state::ImuState;
+    use crate::odometry::update::PlaneResidual;
+
+    /// Cells of two walls and a floor, a hundred each; `ends` more at the end of the corridor.
+    fn corridor(ends: usize) -> NormalEquations {
+        let cell = |normal: Vector3<f64>, k: usize| {
+            let point = Vector3::new(0.1 * k as f64 - 5.0, 1.0, 0.3 * (k % 7) as f64) - normal;
+            PlaneResidual { point, normal, distance_m: normal.dot(&point), variance_m2: 1e-4 }
+        };
+        let mut cells: Vec<_> =
+            (0..100).flat_map(|k| [Vector3::y(), -Vector3::y(), Vector3::z()].map(|normal| cell(normal, k))).collect();
+        cells.extend((0..ends).map(|k| cell(-Vector3::x(), k)));
+        NormalEquations::new(&ImuState::at_rest(Stamp(0)), &cells)
+    }
+
+    #[test]
+    fn a_corridor_is_open_along_its_axis() {
+        let found = Degeneracy::of(&corridor(0), 6.0);
+        let [axis] = found.translations[..] else { panic!("{found:?}") };
+        assert!(axis.x.abs() > 1.0 - 1e-9);
+        let keep = found.keep();
+        assert!((keep * keep - keep).amax() < 1e-12);
+        assert!(keep[(0, 0)].abs() < 1e-9 && (keep[(1, 1)] - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn its_end_closes_it() {
+        assert!(Degeneracy::of(&corridor(60), 6.0).translations.is_empty());
+        assert_eq!(Degeneracy::default().keep(), Matrix6::identity());
+    }
+}

@@ -415,3 +415,117 @@ fn set_plane(cell: &mut Cell, plane: &Plane) {
     cell.plane = [x, y, z, -normal.dot(&plane.point.coords) as f32];
     cell.plane_variance_m2 = plane.variance_at(plane.point.coords.norm()) as f32;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nine points of a square of the floor, a centimetre apart in height at most.
+    fn square(map: &VoxelMap, x: i32, y: i32, height_m: f64, sensor_above: bool) -> Addition {
+        let centre = map.centre([x, y, 0]);
+        let mut moments = Moments::default();
+        for k in 0..9 {
+            let (dx, dy) = (f64::from(k % 3) * 0.08 - 0.08, f64::from(k / 3) * 0.08 - 0.08);
+            let mean = Vector3::new(dx, dy, height_m - centre.z);
+            moments.merge(&Moments { count: 1.0, mean, scatter: Matrix3::zeros() });
+        }
+        let view = if sensor_above { Vector3::z() } else { -Vector3::z() };
+        let sensor = (Vector3::new(0.0, 0.0, height_m - centre.z) + view).cast();
+        let cell = map.cell_towards([x, y, 0], &sensor);
+        Addition { key: [x, y, 0], cell, moments, view, is_contradicted: false }
+    }
+
+    fn floor(height_m: f64) -> VoxelMap {
+        let mut map = VoxelMap::new(0.25, 1000, 60, 0.05);
+        let additions: Vec<_> = (-2..3)
+            .flat_map(|x| (-2..3).map(move |y| (x, y)))
+            .map(|(x, y)| square(&map, x, y, height_m, true))
+            .collect();
+        map.insert(&additions);
+        map
+    }
+
+    #[test]
+    fn a_floor_has_upward_normals_at_its_height() {
+        let map = floor(0.1);
+        map.check_invariants();
+        assert_eq!((map.len(), map.points().len()), (25, 25));
+        for cell in map.cells() {
+            let [x, y, z, offset] = cell.plane;
+            assert!(x.abs() < 1e-6 && y.abs() < 1e-6 && (z - 1.0).abs() < 1e-6);
+            // The middle of the voxel stands at 0.125.
+            assert!((offset - 0.025).abs() < 1e-6, "{offset}");
+        }
+    }
+
+    #[test]
+    fn both_sides_of_a_board_are_two_planes_in_one_voxel() {
+        let mut map = floor(0.1);
+        let below: Vec<_> =
+            (-2..3).flat_map(|x| (-2..3).map(move |y| (x, y))).map(|(x, y)| square(&map, x, y, 0.06, false)).collect();
+        assert!(below.iter().all(|addition| addition.cell == NO_CELL));
+        map.insert(&below);
+        map.check_invariants();
+        assert_eq!(map.len(), 50);
+        let [front, back]: [&Cell; 2] = map.cells_at([0, 0, 0]).collect::<Vec<_>>().try_into().expect("two");
+        assert!((front.plane[2] - 1.0).abs() < 1e-6 && (front.plane[3] - 0.025).abs() < 1e-6);
+        assert!((back.plane[2] + 1.0).abs() < 1e-6 && (back.plane[3] + 0.065).abs() < 1e-6, "{:?}", back.plane);
+    }
+
+    #[test]
+    fn a_finished_cell_does_not_move_and_a_gone_one_is_emptied() {
+        let mut map = floor(0.1);
+        for _ in 0..20 {
+            let again = square(&map, 0, 0, 0.13, true);
+            map.insert(&[again]);
+        }
+        let cell = map.cells_at([0, 0, 0]).next().expect("there");
+        assert!((60.0..70.0).contains(&cell.count), "{}", cell.count);
+        for _ in 0..MAX_CONFLICTS {
+            let gone = Addition { is_contradicted: true, moments: Moments::default(), ..square(&map, 0, 0, 0.1, true) };
+            map.insert(&[gone]);
+        }
+        let cell = map.cells_at([0, 0, 0]).next().expect("there");
+        assert_eq!((cell.count, cell.has_plane()), (0.0, false));
+        map.check_invariants();
+    }
+
+    #[test]
+    fn a_full_map_gives_up_what_was_not_seen_for_longest() {
+        let mut map = VoxelMap::new(0.25, 16, 60, 0.05);
+        for x in 0..40 {
+            let addition = square(&map, x, 0, 0.1, true);
+            map.insert(&[addition]);
+            map.check_invariants();
+        }
+        assert!(map.cells_at([39, 0, 0]).next().is_some() && map.cells_at([0, 0, 0]).next().is_none());
+        // All of one age: the cap holds all the same.
+        let all: Vec<_> = (100..140).map(|x| square(&map, x, 0, 0.1, true)).collect();
+        map.insert(&all);
+        assert!(map.len() <= 16);
+        map.check_invariants();
+    }
+
+    #[test]
+    fn a_map_goes_through_bytes_and_damage_is_noticed() {
+        let map = floor(0.1);
+        let mut bytes = Vec::new();
+        map.write(&mut bytes).expect("memory");
+        let read = VoxelMap::read(&bytes[..], 1000).expect("whole");
+        let mut again = Vec::new();
+        read.write(&mut again).expect("memory");
+        assert_eq!(bytes, again);
+        assert!(matches!(VoxelMap::read(&bytes[..], 10), Err(MapFileError::TooLarge { found: 25, limit: 10 })));
+        assert!(matches!(VoxelMap::read(&b"no map of ours, but long enough."[..], 10), Err(MapFileError::NotAMap)));
+        for length in [0, 7, 31, 40, bytes.len() - 1] {
+            assert!(matches!(VoxelMap::read(&bytes[..length], 1000), Err(MapFileError::Io(_))), "{length}");
+        }
+        for at in (0..bytes.len()).step_by(7) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x40;
+            assert!(VoxelMap::read(&damaged[..], 1000).is_err() || at == 10 || at == 11, "byte {at}");
+        }
+        bytes[8] = 9;
+        assert!(matches!(VoxelMap::read(&bytes[..], 1000), Err(MapFileError::Version { found: 9 })));
+    }
+}
