@@ -343,12 +343,10 @@ impl WorldModel {
         };
         let world_from_camera = world_from_body * self.body_from_camera;
         let window_ns = (self.config.label_window_s * 1e9) as i64;
-        let points: Vec<Point3<f32>> = self
-            .recent
-            .iter()
-            .filter(|scan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns)
-            .flat_map(|scan| scan.points_in_world.iter().copied())
-            .collect();
+        let around = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns;
+        let scans: Vec<&[Point3<f32>]> =
+            self.recent.iter().filter(around).map(|scan| scan.points_in_world.as_slice()).collect();
+        let points = scans.concat();
         if points.is_empty() {
             self.ignored.images += 1;
             return;

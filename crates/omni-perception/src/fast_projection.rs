@@ -2,7 +2,7 @@
 //!
 //! The arc tangent is a polynomial with an error below 1e-6 rad, that is 0.001 pixels of a 1920-pixel panorama.
 
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use crate::Equirectangular;
 
@@ -30,10 +30,17 @@ impl FastProjection {
     /// Projects up to [`BLOCK`] points; what the rest of `pixels` holds afterwards is no pixel of theirs.
     ///
     /// Coordinate by coordinate, so that each loop is one over plain arrays and becomes a vector loop.
-    pub(crate) fn project_block(&self, points: &[Point3<f32>], pixels: &mut PixelBlock) {
+    pub(crate) fn project_block(&self, points: &[Point3<f32>], view: &View, pixels: &mut PixelBlock) {
         let (mut x, mut y, mut z) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
         for (index, point) in points.iter().enumerate().take(BLOCK) {
             (x[index], y[index], z[index]) = (point.x, point.y, point.z);
+        }
+        if let View::FromWorld { camera_in_world, camera_from_world } = view {
+            for index in 0..BLOCK {
+                let p = Point3::new(x[index], y[index], z[index]);
+                let p = turned(camera_from_world, &(p.coords - camera_in_world));
+                (x[index], y[index], z[index]) = (p.x, p.y, p.z);
+            }
         }
         for index in 0..BLOCK {
             (pixels.u[index], pixels.v[index], pixels.range_m[index]) = self.project(x[index], y[index], z[index]);
@@ -59,6 +66,41 @@ impl FastProjection {
         let keep = |number: f32| if is_inside { number } else { 0.0 };
         (keep(u), keep(v), keep(range))
     }
+}
+
+/// In which frame the points are given.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum View {
+    /// That of the camera.
+    Camera,
+    /// Another one. The camera's position is taken off first, so that single precision suffices far from its origin.
+    FromWorld { camera_in_world: Vector3<f32>, camera_from_world: Matrix3<f32> },
+}
+
+impl View {
+    pub(crate) fn from_world(world_from_camera: &Isometry3<f64>) -> View {
+        View::FromWorld {
+            camera_in_world: world_from_camera.translation.vector.cast(),
+            camera_from_world: world_from_camera.rotation.inverse().to_rotation_matrix().into_inner().cast(),
+        }
+    }
+
+    /// A point in the camera's frame.
+    pub(crate) fn in_camera(&self, point: &Point3<f32>) -> Point3<f32> {
+        match self {
+            View::Camera => *point,
+            View::FromWorld { camera_in_world, camera_from_world } => {
+                turned(camera_from_world, &(point.coords - camera_in_world))
+            }
+        }
+    }
+}
+
+/// Written out, so that the loop over a block and the single point round alike.
+#[inline(always)]
+fn turned(m: &Matrix3<f32>, v: &Vector3<f32>) -> Point3<f32> {
+    let row = |k: usize| m[(k, 0)] * v.x + m[(k, 1)] * v.y + m[(k, 2)] * v.z;
+    Point3::new(row(0), row(1), row(2))
 }
 
 /// Points that are projected at a time: their coordinates stay in the first cache.

@@ -12,6 +12,7 @@ use nalgebra::Point3;
 use thiserror::Error;
 
 use crate::equirectangular::CameraError;
+use crate::fast_projection::View;
 use crate::mask_group::group_masks;
 use crate::mask_index::{Erosion, MaskIndex};
 use crate::mask_outline::Outline;
@@ -162,6 +163,17 @@ pub fn transfer_labels(
     masks: &[Mask],
     config: &LabelConfig,
 ) -> Result<LabelTransfer, LabelError> {
+    transfer_labels_seen(points_in_camera, &View::Camera, camera, masks, config)
+}
+
+/// [`transfer_labels`] for points of any frame.
+pub(crate) fn transfer_labels_seen(
+    points: &[Point3<f32>],
+    view: &View,
+    camera: &Equirectangular,
+    masks: &[Mask],
+    config: &LabelConfig,
+) -> Result<LabelTransfer, LabelError> {
     camera.validate()?;
     config.validate()?;
     let erosion = Erosion { radius_px: config.erosion_px, min_kept_share: config.min_kept_share };
@@ -174,7 +186,7 @@ pub fn transfer_labels(
         })
         .collect();
     let index = MaskIndex::new(masks, &outlines, camera.width_px, camera.height_px, &erosion);
-    let filled = RangeBuffer::fill(points_in_camera, camera, config.cell_px, &index);
+    let filled = RangeBuffer::fill(points, view, camera, config.cell_px, &index);
     let mut report = LabelReport {
         non_finite: filled.non_finite,
         outside_image: filled.outside_image,
@@ -185,7 +197,7 @@ pub fn transfer_labels(
     // The members of each thing, and the mask of each member.
     let thing_of_mask = group_masks(masks, &outlines, camera.width_px, config.same_thing_iou);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
-    let mut mask_of_point: Vec<Option<u16>> = vec![None; points_in_camera.len()];
+    let mut mask_of_point: Vec<Option<u16>> = vec![None; points.len()];
     let tolerance =
         Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
     for candidate in &filled.candidates {
@@ -210,10 +222,10 @@ pub fn transfer_labels(
         let (area_px, px) = (outlines[thing].area_px as f32, camera.row_angle_rad() as f32);
         let apparent =
             Apparent { size_rad: 1.5 * px * area_px.sqrt(), spacing_rad: px * (area_px / members.len() as f32).sqrt() };
-        let kept = near_mode(points_in_camera, members, &apparent, &near);
-        let mut kept = kept.into_iter().peekable();
-        for &member in members {
-            if kept.next_if_eq(&member).is_some() {
+        let positions: Vec<Point3<f32>> = members.iter().map(|&member| view.in_camera(&points[member as usize])).collect();
+        let is_kept = near_mode(&positions, &apparent, &near);
+        for (&member, is_kept) in members.iter().zip(is_kept) {
+            if is_kept {
                 report.labelled += 1;
             } else {
                 mask_of_point[member as usize] = None;
@@ -222,7 +234,7 @@ pub fn transfer_labels(
         }
     }
     let LabelReport { non_finite, outside_image, hidden, behind, labelled, .. } = report;
-    report.unmasked = points_in_camera.len() - non_finite - outside_image - hidden - behind - labelled;
+    report.unmasked = points.len() - non_finite - outside_image - hidden - behind - labelled;
     Ok(LabelTransfer { mask_of_point, thing_of_mask, report })
 }
 

@@ -39,10 +39,12 @@
 //! 1. [`Trajectory`]: a smooth curve through odometry knots, position and rotation at any time ([`trajectory`]).
 //! 2. [`deskew()`]: each point goes through the mount at the motor's angle at its own time ([`encoder`]) and the pose
 //!    at its own time to one reference time (Eq. 1).
-//! 3. [`Equirectangular`]: the panorama (Eq. 2, 3); [`Rle`]: COCO masks, looked up without expanding them.
+//! 3. [`Equirectangular`]: the panorama (Eq. 2, 3); [`Rle`]: COCO masks (counts, string, polygons), looked up without
+//!    expanding them; [`LabelNames`]: one name for one kind of thing.
 //! 4. [`transfer_labels`]: erosion of the masks, a range buffer for what the camera cannot see, and of each thing the
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
-//! 5. [`observe_panorama`]: points, names, colour and weight of each thing; [`LabelVote`]: the vote over frames (Eq. 4).
+//! 5. [`observe_panorama`]: points, names, colour, video number and weight of each thing; [`LabelVote`]: the vote over
+//!    frames (Eq. 4).
 //!
 //! # Conventions
 //! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew

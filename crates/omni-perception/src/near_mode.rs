@@ -27,22 +27,24 @@ pub(crate) struct Apparent {
     pub(crate) spacing_rad: f32,
 }
 
-/// The members (indices into `points`, in camera coordinates) that belong to the near mode, in their order.
-pub(crate) fn near_mode(points: &[Point3<f32>], members: &[u32], apparent: &Apparent, config: &NearMode) -> Vec<u32> {
-    if members.is_empty() {
+/// Which of the points under a mask (in camera coordinates) belong to the near mode.
+pub(crate) fn near_mode(points: &[Point3<f32>], apparent: &Apparent, config: &NearMode) -> Vec<bool> {
+    if points.is_empty() {
         return Vec::new();
     }
-    let ranges: Vec<f32> = members.iter().map(|&m| points[m as usize].coords.norm()).collect();
+    let ranges: Vec<f32> = points.iter().map(|point| point.coords.norm()).collect();
     let middle_m = quantile(ranges.clone(), 0.5);
     let by_size_m = (config.link_share * apparent.size_rad * middle_m).min(config.max_link_m);
     let link_m = by_size_m.max(config.link_spacings * apparent.spacing_rad * middle_m).max(MIN_LINK_M);
-    let clusters = Clusters::new(points, members, &ranges, link_m);
-    let is_kept = clusters.near(config.near_share, link_m);
-    let kept = || (0..members.len()).filter(|&index| is_kept[clusters.of_member[index] as usize]);
+    let clusters = Clusters::new(points, &ranges, link_m);
+    let is_near = clusters.near(config.near_share, link_m);
+    let kept = || (0..points.len()).filter(|&index| is_near[clusters.of_point[index] as usize]);
     // The front is a low quantile, for a single stray return in front must not move it.
     let front_m = quantile(kept().map(|index| ranges[index]).collect(), 0.1);
     let depth_m = config.min_depth_m.max(config.depth_ratio * apparent.size_rad * front_m);
-    kept().filter(|&index| ranges[index] <= front_m + depth_m).map(|index| members[index]).collect()
+    let mut is_kept = vec![false; points.len()];
+    kept().filter(|&index| ranges[index] <= front_m + depth_m).for_each(|index| is_kept[index] = true);
+    is_kept
 }
 
 /// Noise of the returns: nothing is told apart below.
@@ -50,21 +52,21 @@ const MIN_LINK_M: f32 = 0.03;
 
 /// Points linked in space.
 struct Clusters {
-    of_member: Vec<u32>,
+    of_point: Vec<u32>,
     /// Number of points and their ranges at 10, 50 and 90 %.
     extents: Vec<(usize, [f32; 3])>,
 }
 
 impl Clusters {
-    fn new(points: &[Point3<f32>], members: &[u32], ranges: &[f32], link_m: f32) -> Clusters {
-        let of_member = linked_clusters(points, members, link_m);
-        let count = of_member.iter().max().map_or(0, |&last| last as usize + 1);
+    fn new(points: &[Point3<f32>], ranges: &[f32], link_m: f32) -> Clusters {
+        let of_point = linked_clusters(points, link_m);
+        let count = of_point.iter().max().map_or(0, |&last| last as usize + 1);
         let mut of_cluster: Vec<Vec<f32>> = vec![Vec::new(); count];
-        for (&cluster, &range_m) in of_member.iter().zip(ranges) {
+        for (&cluster, &range_m) in of_point.iter().zip(ranges) {
             of_cluster[cluster as usize].push(range_m);
         }
         let extent = |ranges: Vec<f32>| (ranges.len(), [0.1, 0.5, 0.9].map(|share| quantile(ranges.clone(), share)));
-        Clusters { of_member, extents: of_cluster.into_iter().map(extent).collect() }
+        Clusters { of_point, extents: of_cluster.into_iter().map(extent).collect() }
     }
 
     /// Which clusters are the thing: the nearest (by median range) of those with at least `near_share` of the
@@ -90,20 +92,17 @@ impl Clusters {
 /// Fewer points than this share of the thing's are no part of it but something at its border.
 const BESIDE_SHARE: f32 = 0.1;
 
-/// Cluster number of each member. Cells that touch (26 neighbours) are one cluster; their edge is chosen so that points
+/// Cluster number of each point. Cells that touch (26 neighbours) are one cluster; their edge is chosen so that points
 /// `link_m` apart are linked as often as not.
-fn linked_clusters(points: &[Point3<f32>], members: &[u32], link_m: f32) -> Vec<u32> {
+fn linked_clusters(points: &[Point3<f32>], link_m: f32) -> Vec<u32> {
     let edge_m = 0.7 * link_m;
-    let cell_of = |&member: &u32| {
-        let p = &points[member as usize];
-        [p.x, p.y, p.z].map(|x| floor(x / edge_m))
-    };
-    let cell_of_member: Vec<[i32; 3]> = members.iter().map(cell_of).collect();
-    let mut numbers = CellNumbers::around(&cell_of_member);
+    let cell_of = |p: &Point3<f32>| [p.x, p.y, p.z].map(|x| floor(x / edge_m));
+    let cell_of_point: Vec<[i32; 3]> = points.iter().map(cell_of).collect();
+    let mut numbers = CellNumbers::around(&cell_of_point);
     let mut cells: Vec<[i32; 3]> = Vec::new();
     // Neighbours in a scan mostly share a cell.
     let mut last = ([i32::MAX; 3], u32::MAX);
-    let number_of_member: Vec<u32> = cell_of_member
+    let number_of_point: Vec<u32> = cell_of_point
         .iter()
         .map(|cell| {
             if last.1 == u32::MAX || last.0 != *cell {
@@ -135,12 +134,12 @@ fn linked_clusters(points: &[Point3<f32>], members: &[u32], link_m: f32) -> Vec<
         }
         clusters += 1;
     }
-    number_of_member.into_iter().map(|cell| cluster_of_cell[cell as usize]).collect()
+    number_of_point.into_iter().map(|cell| cluster_of_cell[cell as usize]).collect()
 }
 
 /// `x.floor() as i32` without the call into the mathematics library.
 #[inline]
-fn floor(x: f32) -> i32 {
+pub(crate) fn floor(x: f32) -> i32 {
     let whole = x as i32;
     whole.saturating_sub(i32::from(whole as f32 > x))
 }
@@ -242,9 +241,9 @@ mod tests {
     };
 
     fn check(points: &[Point3<f32>], size_rad: f32, kept: usize) {
-        let members: Vec<u32> = (0..points.len() as u32).collect();
-        let near = near_mode(points, &members, &Apparent { size_rad, spacing_rad: 0.005 }, &CONFIG);
-        assert_eq!(near, members[..kept]);
+        let near = near_mode(points, &Apparent { size_rad, spacing_rad: 0.005 }, &CONFIG);
+        let expected: Vec<bool> = (0..points.len()).map(|index| index < kept).collect();
+        assert_eq!(near, expected);
     }
 
     fn line(count: usize, x: f32) -> impl Iterator<Item = Point3<f32>> {

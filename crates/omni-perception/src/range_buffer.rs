@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 
 use crate::Equirectangular;
-use crate::fast_projection::{BLOCK, FastProjection, PixelBlock};
+use crate::fast_projection::{BLOCK, FastProjection, PixelBlock, View};
 use crate::mask_index::{MAX_MASKS, MaskIndex};
 
 /// Nearest points by cell, with wrap at the seam. Only cells near a mask are kept: nothing else is asked for.
@@ -160,7 +160,13 @@ pub(crate) struct Filled {
 
 impl RangeBuffer {
     /// Projects all points and keeps the nearest of each cell near a mask.
-    pub(crate) fn fill(points: &[Point3<f32>], camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> Filled {
+    pub(crate) fn fill(
+        points: &[Point3<f32>],
+        view: &View,
+        camera: &Equirectangular,
+        cell_px: u32,
+        masks: &MaskIndex,
+    ) -> Filled {
         let grid = CellGrid::new(camera, cell_px, masks);
         let projection = FastProjection::new(camera);
         let mut nearest_m = vec![f32::INFINITY; grid.shows.len()];
@@ -169,7 +175,7 @@ impl RangeBuffer {
         let (mut non_finite, mut outside_image) = (0, 0);
         let (mut pixels, mut cells) = (PixelBlock::default(), [0; BLOCK]);
         for (block, points) in points.chunks(BLOCK).enumerate() {
-            projection.project_block(points, &mut pixels);
+            projection.project_block(points, view, &mut pixels);
             grid.cells_of(&pixels, &mut cells);
             for (index, point) in points.iter().enumerate() {
                 let (u, v, range_m) = (pixels.u[index], pixels.v[index], pixels.range_m[index]);
@@ -250,7 +256,7 @@ mod tests {
         let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
         let index = MaskIndex::new(&masks, &outlines, 1920, 640, &none);
         let point = |(u, v, range)| Point3::from(camera.unproject(u, v).into_inner() * range).cast::<f32>();
-        let filled = RangeBuffer::fill(&[point(far), point(near)], &camera, 2, &index);
+        let filled = RangeBuffer::fill(&[point(far), point(near)], &View::Camera, &camera, 2, &index);
         let candidate = filled.candidates[0];
         assert_eq!((candidate.point, candidate.mask), (0, 0));
         assert_eq!(filled.buffer.is_visible(&candidate, &TOLERANCE), is_visible, "{near:?} {far:?}");
