@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
+use mission::rig::{BUILTIN_RIGS, Rig, builtin_rig};
 use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
 
 use crate::options::Options;
@@ -34,7 +35,11 @@ pub fn robot_main(kind: RobotKind, default_scene: &str) -> ExitCode {
 /// Whether the run was a success.
 fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bool> {
     options.validate()?;
-    let robot = load_robot(options.urdf.as_deref(), kind)?;
+    let mut robot = load_robot(options.urdf.as_deref(), kind)?;
+    let rig = options.rig.as_deref().map(|rig| load_rig(rig, &robot)).transpose()?;
+    if let Some(rig) = &rig {
+        robot = rig.fitted(&robot);
+    }
     let scene_name = options.scene.clone().unwrap_or_else(|| default_scene.to_owned());
     let out = options
         .out
@@ -50,6 +55,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
     let mut config = RunConfig::new(options);
+    if let Some(rig) = rig {
+        config.carry(rig);
+    }
     if let Some(path) = &options.synonyms {
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         config.mission.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
@@ -142,6 +150,24 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
 }
 
 /// One line: when, what, how much is known, how far to go.
+/// The rig of a file, or one that ships with the program; files win over names.
+pub fn load_rig(rig: &std::path::Path, robot: &RobotModel) -> Result<Rig> {
+    let folder = rig.parent().unwrap_or(std::path::Path::new("."));
+    let read_file = |name: &str| std::fs::read_to_string(folder.join(name));
+    let shipped = rig.to_str().and_then(builtin_rig).filter(|_| !rig.exists());
+    let text = match shipped {
+        Some(text) => text.to_owned(),
+        None => std::fs::read_to_string(rig).with_context(|| {
+            let names: Vec<&str> = BUILTIN_RIGS.iter().map(|(name, _)| *name).collect();
+            format!("reading the rig {} ({} need no file)", rig.display(), names.join(", "))
+        })?,
+    };
+    let parsed = Rig::parse(&text, Some(robot), &read_file);
+    let parsed = parsed.with_context(|| format!("reading the rig {}", rig.display()))?;
+    crate::surround::check(&parsed).with_context(|| format!("simulating the rig {}", rig.display()))?;
+    Ok(parsed)
+}
+
 fn show(view: &ProgressView, progress: &Progress) {
     let line = format!(
         "t {:5.1} s | {} | {} rooms, {} objects | {} decisions | {:.1} m to go",

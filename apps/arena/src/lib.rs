@@ -26,6 +26,7 @@ pub mod run_folder;
 pub mod scenario;
 pub mod simulation;
 pub mod summary;
+pub mod surround;
 pub mod survey;
 pub mod task;
 pub mod tour;

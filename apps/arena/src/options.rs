@@ -67,6 +67,11 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub synonyms: Option<PathBuf>,
 
+    /// Sensors and where they sit: a file (format: documentation of mission::rig), or one that ships with the program:
+    /// rotating, fixed, fisheyes. Without it: what the robot's model says, and one panoramic camera
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "lidar")]
+    pub rig: Option<PathBuf>,
+
     /// Mount of the LiDAR
     #[arg(long, value_enum, default_value_t = LidarMount::Rotating)]
     pub lidar: LidarMount,

@@ -5,6 +5,7 @@ use mission::omni_perception::{
     EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
     Rle, Stamp, TrackingStatus,
 };
+use mission::rig::Rig;
 use mission::robot_model::RobotModel;
 use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
@@ -22,6 +23,7 @@ use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
 use crate::estimate_frame::EstimateFrame;
 use crate::scenario::Scene;
+use crate::surround::Surround;
 
 /// Settings of the world.
 #[derive(Debug, Clone, Default)]
@@ -40,6 +42,24 @@ pub struct SimulationConfig {
     pub drift: Option<DriftConfig>,
     /// The LiDAR's motor stands still.
     pub is_lidar_fixed: bool,
+    /// Sensors from a rig file; the robot model must be fitted with them ([`Rig::fitted`]).
+    pub rig: Option<Rig>,
+}
+
+impl SimulationConfig {
+    /// Takes the sensors' numbers from a rig.
+    fn carry(&mut self, rig: &Rig) {
+        let (lidar, view) = (&rig.lidar, rig.camera());
+        self.lidar.beams = lidar.beams;
+        self.lidar.columns = lidar.columns;
+        self.lidar.rate_hz = lidar.scan_hz;
+        self.lidar.vertical_fov_rad = lidar.vertical_fov_rad;
+        self.lidar.max_range_m = lidar.max_range_m;
+        self.panorama.width = view.width_px;
+        self.panorama.height = view.height_px;
+        self.panorama.phi_top_rad = view.phi_top_rad;
+        self.panorama.phi_bottom_rad = view.phi_bottom_rad;
+    }
 }
 
 /// One touch of the robot with something.
@@ -84,6 +104,8 @@ pub struct Simulation<'a> {
     next_scan_ns: i64,
     next_panorama_ns: i64,
     touches: Vec<Touch>,
+    /// Lenses in place of the panoramic camera.
+    surround: Option<Surround>,
     /// Segments the pictures instead of the simulated segmenter.
     service: Option<Box<dyn Segmenter>>,
     /// Nouns of the instruction, and what is always looked for.
@@ -105,6 +127,12 @@ impl<'a> Simulation<'a> {
         config.lidar.seed = seed.wrapping_mul(3).wrapping_add(1);
         config.imu.seed = seed.wrapping_mul(3).wrapping_add(2);
         config.segmenter.seed = seed.wrapping_mul(3).wrapping_add(3);
+        let rig = config.rig.clone();
+        if let Some(rig) = &rig {
+            config.carry(rig);
+        }
+        let max_range_m = config.panorama.max_range_m;
+        let surround = rig.map(|rig| Surround::new(&rig, max_range_m)).transpose()?.flatten();
         let motor = robot.sensors.lidar;
         let mount = RotatingMount {
             body_from_stator: robot.sensors.body_from_lidar_stator,
@@ -126,6 +154,7 @@ impl<'a> Simulation<'a> {
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
+            surround,
             service: None,
             phrases: (Vec::new(), Vec::new()),
             segmentation: Segmentation::default(),
@@ -194,6 +223,10 @@ impl<'a> Simulation<'a> {
 
     /// Which thing truly is in each pixel of a panorama of the last second: column by column, 0 for the structure.
     pub fn true_instances_at(&self, stamp: Stamp) -> Vec<u32> {
+        if let Some(surround) = &self.surround {
+            let pictures = surround.photograph(&self.scene.world, self.body.motion(), stamp.0);
+            return pictures.map_or_else(|_| Vec::new(), |pictures| surround.instances(&pictures));
+        }
         let world_from_camera = self.true_pose_at(stamp) * self.body_from_camera;
         let camera = &self.config.panorama;
         render(&self.scene.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
@@ -223,7 +256,10 @@ impl<'a> Simulation<'a> {
                 self.next_scan_ns += period_ns;
             }
             if self.now_ns >= self.next_panorama_ns {
-                let panorama = clock.time("sim panorama", || self.photograph())?;
+                let panorama = match &self.surround {
+                    None => clock.time("sim panorama", || self.photograph())?,
+                    Some(surround) => self.look_around(surround, clock)?,
+                };
                 // Without masks it is no picture of an empty room: the robot does not get it.
                 events.extend(self.segmented(panorama).map(SensorEvent::Panorama));
                 self.next_panorama_ns += self.config.panorama.period_ns();
@@ -244,7 +280,8 @@ impl<'a> Simulation<'a> {
             };
             self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m: touch.point.coords.into() });
         }
-        while self.next_encoder_ns <= self.now_ns {
+        // A LiDAR without a motor has no encoder.
+        while self.mount.rate_hz != 0.0 && self.next_encoder_ns <= self.now_ns {
             let sample = encoder_sample(&self.mount, &self.config.encoder, self.next_encoder_ns);
             events.push(SensorEvent::Encoder(EncoderSample {
                 stamp: Stamp(sample.stamp_ns),
@@ -294,6 +331,17 @@ impl<'a> Simulation<'a> {
                 self.segmentation.last_error = Some(error.to_string());
             })
             .ok()
+    }
+
+    /// Pictures of all lenses, stitched by the robot's side.
+    fn look_around(&self, surround: &Surround, clock: &mut StageClock) -> Result<MaskedPanorama> {
+        let (world, motion) = (&self.scene.world, self.body.motion());
+        let pictures = clock.time("sim panorama", || surround.photograph(world, motion, self.now_ns))?;
+        let panorama = clock.time("stitching", || surround.stitch(&pictures))?;
+        clock.time("sim panorama", || {
+            let segmenter = &self.config.segmenter;
+            masked_panorama(surround.segment(&pictures, panorama, world, motion, segmenter, self.now_ns)?)
+        })
     }
 
     fn photograph(&self) -> Result<MaskedPanorama> {

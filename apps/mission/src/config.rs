@@ -1,7 +1,8 @@
 //! All numbers of a mission in one place, with unit, meaning and reason.
 
 use octant_prompt::PromptConfig;
-use omni_perception::LabelNames;
+use omni_perception::{EncoderTrack, LabelNames};
+use robot_model::RobotModel;
 use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
@@ -138,5 +139,16 @@ mod tests {
         assert!(broken.validate().unwrap_err().to_string().contains("refresh_period_s"));
         let broken = MissionConfig { close_look_s: f64::NAN, ..MissionConfig::default() };
         assert!(broken.validate().unwrap_err().to_string().contains("close_look_s"));
+    }
+}
+
+impl MissionConfig {
+    /// The track of the LiDAR's motor before its first reading; a fixed LiDAR has no encoder and stands at zero for ever.
+    pub fn encoder_track(&self, robot: &RobotModel) -> EncoderTrack {
+        match &self.odometry {
+            _ if robot.sensors.lidar.rotation_hz == 0.0 => EncoderTrack::fixed(),
+            OdometrySource::LidarInertial(lio) => EncoderTrack::rotating(lio.encoder_latency_s),
+            OdometrySource::Stream => EncoderTrack::rotating(0.0),
+        }
     }
 }

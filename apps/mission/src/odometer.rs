@@ -49,6 +49,9 @@ impl Odometer {
             body_from_stator: robot.sensors.body_from_lidar_stator,
             rotor_from_sensor: robot.sensors.rotor_from_sensor,
         };
+        // A LiDAR without a motor has no encoder to wait for.
+        let is_rotating = config.is_rotating && robot.sensors.lidar.rotation_hz != 0.0;
+        let config = &LioConfig { is_rotating, ..config.clone() };
         let lio = {
             let map = VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.range_sigma_m);
             LidarInertialOdometry::with_map(config.clone(), mount, robot.sensors.body_from_imu, map, Some(*start))?

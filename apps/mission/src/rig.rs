@@ -63,7 +63,7 @@
 //! Keys that do not belong are refused, so that a typing error cannot pass as "not given".
 
 use nalgebra::{Isometry3, UnitQuaternion};
-use omni_perception::{Camera, Equirectangular, Lens, RotatingMount, StitchConfig, StitchError, Stitcher};
+use omni_perception::{Camera, Equirectangular, Lens, LioConfig, RotatingMount, StitchConfig, StitchError, Stitcher};
 use robot_model::{LidarMotor, RobotModel, SensorMounts};
 
 use crate::recording::RecordedRig;
@@ -192,6 +192,11 @@ impl Rig {
             panorama_from_lens: panorama_from_body * camera.body_from_camera,
         };
         Stitcher::new(&self.cameras.iter().map(lens).collect::<Vec<_>>(), &self.panorama.stitch).map(Some)
+    }
+
+    /// A configuration of the odometry for this LiDAR.
+    pub fn odometry(&self, config: LioConfig) -> LioConfig {
+        LioConfig { is_rotating: self.lidar.is_rotating(), encoder_latency_s: self.lidar.encoder_latency_s, ..config }
     }
 
     /// As recordings describe it.

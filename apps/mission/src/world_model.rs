@@ -147,7 +147,7 @@ impl WorldModel {
             body_from_camera: robot.sensors.body_from_camera,
             solid_m: (body_height_m + low_m, body_height_m + high_m),
             robot: robot.clone(),
-            encoder: EncoderTrack::rotating(0.0),
+            encoder: config.encoder_track(robot),
             trajectory: Trajectory::default(),
             recent: VecDeque::new(),
             waiting: VecDeque::new(),
@@ -213,7 +213,9 @@ impl WorldModel {
                 let first = events.first().map_or(Stamp(0), SensorEvent::stamp);
                 if events.last().is_some_and(|last| last.stamp().0 - first.0 >= LOOK_NS) {
                     let events = std::mem::take(events);
-                    let frame = clock.time("alignment", || MapFrame::of_first_look(&events, &self.mount, self.floor_m));
+                    let frame = clock.time("alignment", || {
+                        MapFrame::of_first_look(&events, &self.mount, self.encoder.clone(), self.floor_m)
+                    });
                     self.frame = Frame::Set(frame);
                     for event in events {
                         self.take(event, clock);

@@ -13,6 +13,7 @@
 //! | T_wb | [`Trajectory::world_from_body`] | m, rad |
 //! | T_bc (of the LiDAR) | [`RotatingMount::body_from_sensor`] | m, rad |
 //! | (u, v), W, H | [`Pixel`], [`Equirectangular`] | pixels |
+//! | other lenses | [`Camera`], [`Stitcher`] | |
 //! | M_t | [`MaskedPanorama`] | |
 //! | L_p | [`LabelTransfer::mask_of_point`] | index of a mask |
 //! | L(o) | [`LabelVote::result`] | |
@@ -39,8 +40,9 @@
 //! 1. [`Trajectory`]: a smooth curve through odometry knots, position and rotation at any time ([`trajectory`]).
 //! 2. [`deskew()`]: each point goes through the mount at the motor's angle at its own time ([`encoder`]) and the pose
 //!    at its own time to one reference time (Eq. 1).
-//! 3. [`Equirectangular`]: the panorama (Eq. 2, 3); [`Rle`]: COCO masks (counts, string, polygons), looked up without
-//!    expanding them; [`LabelNames`]: one name for one kind of thing.
+//! 3. [`Equirectangular`]: the panorama (Eq. 2, 3), or a [`Stitcher`] that makes it of the lenses of a [`camera`] rig
+//!    ([`stitch`]); [`Rle`]: COCO masks (counts, string, polygons), looked up without expanding them; [`LabelNames`]: one name
+//!    for one kind of thing.
 //! 4. [`transfer_labels`]: erosion of the masks, a range buffer for what the camera cannot see, and of each thing the
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
 //! 5. [`observe_panorama`]: points, names, colour, video number and weight of each thing; [`LabelVote`]: the vote over
@@ -59,6 +61,8 @@
 //!
 //! # References
 //! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
+//! - Kannala, Brandt, TPAMI 2006; Usenko, Demmel, Cremers, 3DV 2018; Scaramuzza, Martinelli, Siegwart, IROS 2006; Brown,
+//!   1971 (lenses).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
 pub mod camera;

@@ -165,7 +165,7 @@ impl CameraReader<'_> {
         let key = |key: &str| format!("{table}.{key}");
         let unsound = |source| RigError::Camera { key: table.to_owned(), source };
         let Some(model) = raw.model.as_deref() else { return Err(missing(&key("model"), MODELS)) };
-        let has_size = ("width_px", raw.width_px.is_some());
+        let has_width = ("width_px", raw.width_px.is_some());
         let has_height = ("height_px", raw.height_px.is_some());
         let has_top = ("phi_top_rad", raw.phi_top_rad.is_some());
         let has_bottom = ("phi_bottom_rad", raw.phi_bottom_rad.is_some());
@@ -215,7 +215,7 @@ impl CameraReader<'_> {
                 lens.map(Camera::PinholeRadtan).map_err(unsound)
             }
             "ocam" => {
-                let unused = [has_size, has_height, has_top, has_bottom, has_intrinsics, has_distortion];
+                let unused = [has_width, has_height, has_top, has_bottom, has_intrinsics, has_distortion];
                 refuse(table, &unused, "an ocam camera, whose numbers are in its calibration file")?;
                 let accepts = "the text file of OCamCalib, beside the rig file";
                 let key = key("calibration");
