@@ -15,6 +15,7 @@ use mission::octant_prompt::SymbolicReasoner;
 use mission::odometer::OdometrySource;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
+use mission::rig::Rig;
 use mission::robot_model::RobotModel;
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
