@@ -180,7 +180,7 @@ mod tests {
         // Columns 1 and 2, row 1 of a picture of 4 x 3: one zero column, then 0 1 0, 0 1 0, then zeros.
         let rows: Vec<bool> = (0..12).map(|i| i / 4 == 1 && (1..3).contains(&(i % 4))).collect();
         let rle = Rle::from_rows(4, 3, &rows).unwrap();
-        let mask = Mask { rle, label: "mug".into(), score: 0.5, caption: "A mug.".into() };
+        let mask = Mask { rle, label: "mug".into(), score: 0.5, caption: "A mug.".into(), track: None };
         let panorama = MaskedPanorama { stamp: Stamp(0), masks: vec![mask], image: None };
         let json = masks_json(&panorama, Stamp(7), (4, 3));
         assert_eq!(json["annotations"][0]["bbox"], json!([1, 1, 3, 2]));

@@ -134,10 +134,8 @@ impl<'a> Moment<'a> {
             rate_hz: sensors.lidar.rotation_hz,
             phase_rad: 0.0,
         };
-        let known_mount = RotatingMount {
-            body_from_stator: mount.body_from_stator,
-            rotor_from_sensor: mount.rotor_from_sensor,
-        };
+        let known_mount =
+            RotatingMount { body_from_stator: mount.body_from_stator, rotor_from_sensor: mount.rotor_from_sensor };
         let knot = |k: i64| {
             let state = arc.at(k * 5_000_000);
             OdometryEstimate {
@@ -233,9 +231,7 @@ impl<'a> Moment<'a> {
         let config = ObservationConfig::default();
         let before_s = clock.figures().get("labels").map_or(0.0, |stage| stage.cpu_ms_total * 1e-3);
         let seen = clock
-            .time("labels", || {
-                observe_panorama(&panorama, &self.points_in_world, &world_from_camera, &camera, &config)
-            })
+            .time("labels", || observe_panorama(&panorama, &self.points_in_world, &world_from_camera, &camera, &config))
             .expect("sound");
         let mut count = Count {
             points: self.points_in_world.len(),
@@ -313,8 +309,7 @@ fn labels_on_simulated_rooms_are_right() {
     let seeds = std::env::var("LABEL_SEEDS").ok().and_then(|text| text.parse().ok()).unwrap_or(2_u64);
     let robot = RobotModel::builtin_quadruped();
     let mut clock = StageClock::new(CpuScope::Thread);
-    let troubles =
-        [Trouble::None, Trouble::Camera, Trouble::CameraAndMasks, Trouble::CameraAndFilledMasks];
+    let troubles = [Trouble::None, Trouble::Camera, Trouble::CameraAndMasks, Trouble::CameraAndFilledMasks];
     let mut sums = [Count::default(); 4];
     for seed in 0..seeds {
         let scene = Scene::drawn(100 + seed, &robot).expect("a building");

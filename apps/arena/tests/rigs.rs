@@ -48,6 +48,7 @@ fn two_fisheyes_see_what_one_panoramic_camera_sees() {
                 })
             });
             if is_smooth && !is_seam {
+                #[allow(clippy::needless_range_loop)] // three sums in step
                 for k in 0..3 {
                     let difference = f64::from(middle[k]) - f64::from(stitched.rgb[3 * (row * width + column) + k]);
                     sum += difference * difference;

@@ -158,7 +158,8 @@ fn a_missing_or_broken_urdf_is_refused_with_its_name() {
 #[test]
 fn a_missing_or_broken_rig_is_refused_with_what_would_be_accepted() {
     let folder = tempfile::tempdir().unwrap();
-    let refused = |rig: &str, words: &[&str]| check_refused(folder.path(), &[FIND, "--scene", "spin", "--rig", rig], words);
+    let refused =
+        |rig: &str, words: &[&str]| check_refused(folder.path(), &[FIND, "--scene", "spin", "--rig", rig], words);
     refused("nowhere.toml", &["nowhere.toml", "rotating", "fixed", "fisheyes"]);
     fs::write(folder.path().join("loose.toml"), "version = 1\n[lidar]\nmount = \"loose\"\n[[camera]]\n").unwrap();
     refused("loose.toml", &["loose.toml", "lidar.mount", "rotating"]);

@@ -128,6 +128,17 @@ impl MissionConfig {
     }
 }
 
+impl MissionConfig {
+    /// The track of the LiDAR's motor before its first reading; a fixed LiDAR has no encoder and stands at zero for ever.
+    pub fn encoder_track(&self, robot: &RobotModel) -> EncoderTrack {
+        match &self.odometry {
+            _ if robot.sensors.lidar.rotation_hz == 0.0 => EncoderTrack::fixed(),
+            OdometrySource::LidarInertial(lio) => EncoderTrack::rotating(lio.encoder_latency_s),
+            OdometrySource::Stream => EncoderTrack::rotating(0.0),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,16 +150,5 @@ mod tests {
         assert!(broken.validate().unwrap_err().to_string().contains("refresh_period_s"));
         let broken = MissionConfig { close_look_s: f64::NAN, ..MissionConfig::default() };
         assert!(broken.validate().unwrap_err().to_string().contains("close_look_s"));
-    }
-}
-
-impl MissionConfig {
-    /// The track of the LiDAR's motor before its first reading; a fixed LiDAR has no encoder and stands at zero for ever.
-    pub fn encoder_track(&self, robot: &RobotModel) -> EncoderTrack {
-        match &self.odometry {
-            _ if robot.sensors.lidar.rotation_hz == 0.0 => EncoderTrack::fixed(),
-            OdometrySource::LidarInertial(lio) => EncoderTrack::rotating(lio.encoder_latency_s),
-            OdometrySource::Stream => EncoderTrack::rotating(0.0),
-        }
     }
 }

@@ -83,11 +83,8 @@ impl OdometryRun {
             }
         }
         let is_too_long = self.waiting.len() > MAX_WAITING;
-        while let Some(scan) = self.waiting.pop_front() {
-            if !is_too_long && !self.odometry.is_ready_for(&scan) {
-                self.waiting.push_front(scan);
-                break;
-            }
+        // At most one scan an event, so that its CPU time is its own.
+        if let Some(scan) = self.waiting.pop_front_if(|scan| is_too_long || self.odometry.is_ready_for(scan)) {
             let outcome = self.odometry.push_scan(&scan);
             self.spent_ms += start.elapsed().as_secs_f64() * 1e3;
             self.cpu_ms.push(std::mem::take(&mut self.spent_ms));

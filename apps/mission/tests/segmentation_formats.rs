@@ -46,10 +46,9 @@ fn sam_automatic_masks_have_no_name() {
 
 #[test]
 fn coco_with_polygons_lists_strings_and_several_images() {
-    let annotation = |id: u32, image: u32, segmentation: Value| {
-        json!({"id": id, "image_id": image, "category_id": 2, "segmentation": segmentation, "iscrowd": 0})
-    };
-    let images = [json!({"id": 1, "width": 3, "height": 4, "file_name": "b"}), json!({"id": 9, "width": 3, "height": 4})];
+    let annotation = |id: u32, image: u32, segmentation: Value| json!({"id": id, "image_id": image, "category_id": 2, "segmentation": segmentation, "iscrowd": 0});
+    let images =
+        [json!({"id": 1, "width": 3, "height": 4, "file_name": "b"}), json!({"id": 9, "width": 3, "height": 4})];
     let file = json!({
         "images": [images[1], images[0]],
         "categories": [{"id": 2, "name": "cup"}],
@@ -69,9 +68,7 @@ fn coco_with_polygons_lists_strings_and_several_images() {
 
 #[test]
 fn video_numbers_and_captions_are_kept() {
-    let annotation = |id: Value| {
-        json!({"class_name": "mug", "segmentation": {"size": [4, 3], "counts": "12203"}, "object_id": id, "caption": "red"})
-    };
+    let annotation = |id: Value| json!({"class_name": "mug", "segmentation": {"size": [4, 3], "counts": "12203"}, "object_id": id, "caption": "red"});
     for id in [json!(12), json!("12")] {
         let read = read(&grounded(annotation(id))).expect("sound");
         assert_eq!((read.masks[0].track, read.masks[0].caption.as_str()), (Some(12), "red"));
@@ -131,7 +128,7 @@ fn any_mask(width: u32, height: u32) -> impl Strategy<Value = Mask> {
 fn any_image() -> impl Strategy<Value = ImageSegmentation> {
     (1..9_u32, 1..9_u32).prop_flat_map(|(width_px, height_px)| {
         let masks = prop::collection::vec(any_mask(width_px, height_px), 0..5);
-        let image = |(image, masks)| ImageSegmentation { image, width_px, height_px, masks };
+        let image = move |(image, masks)| ImageSegmentation { image, width_px, height_px, masks };
         ("[ -~]{0,12}", masks).prop_map(image)
     })
 }

@@ -105,10 +105,9 @@ fn an_answer_without_end_is_not_read_to_the_end() {
 
 #[test]
 fn slow_and_silent_services_end_at_the_deadline() {
-    for fake in [
-        FakeService::start(|_, _| Answer::Silence(Duration::from_secs(60))),
-        FakeService::start(|_, _| Answer::Drip),
-    ] {
+    for fake in
+        [FakeService::start(|_, _| Answer::Silence(Duration::from_secs(60))), FakeService::start(|_, _| Answer::Drip)]
+    {
         let config = HttpSegmenterConfig { timeout_s: 0.3, attempts: 2, ..HttpSegmenterConfig::new(&fake.url) };
         let start = Instant::now();
         let error = ask(&mut HttpSegmenter::new(config), 0).expect_err("slow");
@@ -124,7 +123,8 @@ fn a_service_that_is_down_is_left_alone_longer_and_longer() {
         0..7 => Answer::Say("503 Service Unavailable", Vec::new()),
         _ => Answer::Say("200 OK", answer(SegmentationFormat::GroundedSam2).into_bytes()),
     });
-    let config = HttpSegmenterConfig { attempts: 1, patience: 2, longest_rest: 4, ..HttpSegmenterConfig::new(&fake.url) };
+    let config =
+        HttpSegmenterConfig { attempts: 1, patience: 2, longest_rest: 4, ..HttpSegmenterConfig::new(&fake.url) };
     let mut segmenter = HttpSegmenter::new(config);
     let said: String = (0..30)
         .map(|_| match ask(&mut segmenter, 0) {

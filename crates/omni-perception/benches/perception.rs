@@ -70,7 +70,10 @@ fn fisheyes() -> ([Lens; 2], Vec<RgbImage>) {
     let lens = Camera::KannalaBrandt(lens.expect("sound"));
     let lenses = [1.0, -1.0].map(|side| Lens {
         camera: lens.clone(),
-        panorama_from_lens: Isometry3::new(Vector3::y() * 0.015 * side, Vector3::z() * 1.5707963 * side),
+        panorama_from_lens: Isometry3::new(
+            Vector3::y() * 0.015 * side,
+            Vector3::z() * std::f64::consts::FRAC_PI_2 * side,
+        ),
     });
     let mut noise = Noise(5);
     let image = || RgbImage {

@@ -222,7 +222,8 @@ pub(crate) fn transfer_labels_seen(
         let (area_px, px) = (outlines[thing].area_px as f32, camera.row_angle_rad() as f32);
         let apparent =
             Apparent { size_rad: 1.5 * px * area_px.sqrt(), spacing_rad: px * (area_px / members.len() as f32).sqrt() };
-        let positions: Vec<Point3<f32>> = members.iter().map(|&member| view.in_camera(&points[member as usize])).collect();
+        let positions: Vec<Point3<f32>> =
+            members.iter().map(|&member| view.in_camera(&points[member as usize])).collect();
         let is_kept = near_mode(&positions, &apparent, &near);
         for (&member, is_kept) in members.iter().zip(is_kept) {
             if is_kept {

@@ -177,6 +177,7 @@ pub struct Candidate {
 }
 
 /// What the candidates allow to say.
+#[allow(clippy::large_enum_variant)] // there is one of it
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// Here.

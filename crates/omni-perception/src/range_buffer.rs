@@ -135,9 +135,9 @@ impl CellGrid {
     /// The same for a block of pixels, as indices.
     fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
         let columns = self.columns as i32; // at most 32768 squared: an i32 holds all cells
-        for index in 0..BLOCK {
-            let (column, row) = self.cell_of(pixels.u[index], pixels.v[index]);
-            cells[index] = row * columns + column;
+        for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
+            let (column, row) = self.cell_of(*u, *v);
+            *cell = row * columns + column;
         }
     }
 }

@@ -162,16 +162,16 @@ pub fn stitch_plainly(
     for row in 0..height {
         for column in 0..width {
             let looks = looks_at(&eyes, config, column, row);
-            for channel in 0..3 {
-                let value: f64 = looks
+            let value_of = |channel: usize| -> f64 {
+                looks
                     .iter()
                     .map(|look| {
                         let value = bilinear(&images[look.lens], &look.pixel, channel);
                         look.weight * (value * f64::from(gains[look.lens][channel])).min(255.0)
                     })
-                    .sum();
-                rgb.push(value.round() as u8);
-            }
+                    .sum()
+            };
+            rgb.extend([0, 1, 2].map(|channel| value_of(channel).round() as u8));
         }
     }
     Ok(RgbImage { width, height, rgb })

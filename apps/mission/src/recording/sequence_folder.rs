@@ -36,7 +36,7 @@ pub fn open(folder: &Path) -> Result<Recording, RecordingError> {
     let meta: Meta =
         serde_json::from_str(&text).map_err(|source| RecordingError::Json { path: path.clone(), source })?;
     let field = |field, expected| RecordingError::Field { path: path.clone(), field, expected };
-    if !(meta.t0.abs() < 9e9) {
+    if meta.t0.is_nan() || meta.t0.abs() >= 9e9 {
         return Err(field("t0", "seconds within 64 bits of nanoseconds"));
     }
     let pose = "a unit quaternion x, y, z, w and a position x, y, z";
@@ -130,7 +130,7 @@ fn read_scan(path: &Path, t0: Stamp, points: &'static str) -> Result<RawScan, Np
     // Times that are not finite or lie more than four seconds after the first are no times of one sweep.
     let start_s = times_s.iter().copied().fold(f64::INFINITY, f64::min);
     let start_ns = (start_s * 1e9).round();
-    if times_s.iter().any(|t| !(t - start_s <= 4.0) || t.abs() > 1e9) {
+    if times_s.iter().any(|t| t.is_nan() || t - start_s > 4.0 || t.abs() > 1e9) {
         return Err(NpzError::Type { name: "t", expected: "seconds of one sweep" });
     }
     let point = |((position, t), ring): ((&[f32; 3], &f64), &u8)| RawPoint {

@@ -76,7 +76,8 @@ fn lidar(raw: RawLidar, robot: Option<&RobotModel>) -> Result<RigLidar, RigError
     }
     // A fixed sensor stands upright unless the rig says otherwise; a turning one keeps the robot's tilt.
     let own_tilt_rad = own.as_ref().filter(|_| is_rotating).map_or(0.0, |own| own.lidar.tilt_rad);
-    let tilt_rad = ranged("lidar.tilt_rad", raw.tilt_rad, own_tilt_rad, 0.0, 3.14, "an angle in [0, pi)")?;
+    let tilt_rad =
+        ranged("lidar.tilt_rad", raw.tilt_rad, own_tilt_rad, 0.0, std::f64::consts::PI, "an angle in [0, pi]")?;
     let own_rotor = own.as_ref().map(|own| own.rotor_from_sensor);
     let offset_m = match (raw.sensor_offset_m, &own_rotor) {
         (Some(offset_m), _) => offset_m,

@@ -67,7 +67,8 @@ fn read_request(mut stream: &TcpStream) -> Option<Value> {
         bytes.extend_from_slice(&buffer[..read]);
         let Some(end) = bytes.windows(4).position(|window| window == b"\r\n\r\n") else { continue };
         let head = String::from_utf8_lossy(&bytes[..end]).to_lowercase();
-        let length = head.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok())?;
+        let length =
+            head.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok())?;
         if bytes.len() >= end + 4 + length {
             return serde_json::from_slice(&bytes[end + 4..end + 4 + length]).ok();
         }
@@ -77,7 +78,9 @@ fn read_request(mut stream: &TcpStream) -> Option<Value> {
 /// The client may be gone; that is its right.
 fn respond(mut stream: TcpStream, answer: Answer) {
     let head = |status: &str, length: usize| {
-        format!("HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n")
+        format!(
+            "HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
+        )
     };
     let _ = match answer {
         Answer::Say(status, body) => {

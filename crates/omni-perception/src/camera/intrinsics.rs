@@ -33,7 +33,7 @@ impl Intrinsics {
         }
         // The axis may lie off the image (a cut-out), but not absurdly far.
         for (name, value) in [("cx_px", self.cx_px), ("cy_px", self.cy_px)] {
-            if !(value.abs() < 1e6) {
+            if value.is_nan() || value.abs() >= 1e6 {
                 return Err(CameraError::Parameter { name, value, accepts: "a number between -1e6 and 1e6" });
             }
         }

@@ -102,7 +102,8 @@ impl FixedGain {
     #[inline]
     pub(super) fn apply(&self, [red, green, blue]: [u16; 3]) -> [u8; 3] {
         // 8 bits after the point and 14 of the factor, less 16: 6 are left.
-        let times = |value: u16, factor: u16| (((u32::from(value) * u32::from(factor) >> 16) + 32) >> 6).min(255) as u8;
+        let times =
+            |value: u16, factor: u16| ((((u32::from(value) * u32::from(factor)) >> 16) + 32) >> 6).min(255) as u8;
         [times(red, self.0[0]), times(green, self.0[1]), times(blue, self.0[2])]
     }
 }
