@@ -1,8 +1,9 @@
-//! Raw LiDAR scans, motor angles, odometry and segmented panoramas go in; deskewed scans, labelled points and
-//! observations of objects come out.
+//! Raw LiDAR scans, motor angles, inertial samples and segmented panoramas go in; the body's motion, deskewed scans,
+//! labelled points and observations of objects come out.
 //!
 //! # The problem
 //! ```text
+//! x = argmin |x - x_imu|_P^2 + sum_i w_i (n_i . (R q_i + p) - d_i)^2    motion    FAST-LIO2 Eq. 14
 //! P_i = T_wb(t_i) T_bl(angle(t_i)) P_raw                     deskew             OmniVLN Eq. 1
 //! theta = atan2(y, x), phi = atan2(z, hypot(x, y))           direction          OmniVLN Eq. 2
 //! u = W/2 (1 - theta/pi), v = H (phi_top - phi) / span       pixel              OmniVLN Eq. 3
@@ -10,6 +11,8 @@
 //! ```
 //! | paper | here | unit |
 //! | --- | --- | --- |
+//! | x | [`odometry::state::ImuState`], [`OdometryEstimate`] | m, rad, s |
+//! | n, d | [`odometry::voxel_map::Cell::plane`] | m |
 //! | T_wb | [`Trajectory::world_from_body`] | m, rad |
 //! | T_bc (of the LiDAR) | [`RotatingMount::body_from_sensor`] | m, rad |
 //! | (u, v), W, H | [`Pixel`], [`Equirectangular`] | pixels |
@@ -37,6 +40,8 @@
 //! ```
 //!
 //! # How it works
+//! 0. [`LidarInertialOdometry`]: an iterated Kalman filter on the manifold over the IMU and the planes of a hashed map, from
+//!    rest or in motion, with a status that says how far to trust it ([`odometry`] is written to be read).
 //! 1. [`Trajectory`]: a smooth curve through odometry knots, position and rotation at any time ([`trajectory`]).
 //! 2. [`deskew()`]: each point goes through the mount at the motor's angle at its own time ([`encoder`]) and the pose
 //!    at its own time to one reference time (Eq. 1).
@@ -50,19 +55,20 @@
 //!
 //! # Conventions
 //! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew
-//! stands at its reference time and carries that pose. Times are [`Stamp`]s from the data; there is no pose outside
+//! stands at its reference time and carries that pose. The odometry's world is level, its origin is the body's first pose.
+//! Noise parameters are continuous densities. Times are [`Stamp`]s from the data; there is no pose outside
 //! the knots. Points that are not finite are skipped and counted. Where masks overlap, one
-//! inside another is on top of it, else the one with the higher score. Same
-//! input, same bytes. Empty input gives empty output.
+//! inside another is on top of it, else the one with the higher score. Same input, same bytes. Empty input gives empty output.
 //!
 //! # What it does not do
-//! It does not estimate the motion (only [`OdometryEstimate`], the type of the answer, is here), run a segmenter,
-//! associate things over time, or keep a map.
+//! It does not close loops (the odometry's map forgets, and is never moved), calibrate the mount or the clocks, run a
+//! segmenter, associate things over time, or keep a map for anyone but the odometry.
 //!
 //! # References
-//! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
-//! - Kannala, Brandt, TPAMI 2006; Usenko, Demmel, Cremers, 3DV 2018; Scaramuzza, Martinelli, Siegwart, IROS 2006; Brown,
-//!   1971 (lenses).
+//! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (filter, deskew on knots).
+//! - Yuan et al., "Efficient and Probabilistic Adaptive Voxel Mapping", RA-L 2022 (planes kept in voxels).
+//! - Zhang, Kaess, Singh, "On Degeneracy of Optimization-based State Estimation Problems", ICRA 2016.
+//! - Zhu, Ren, Zhang, "Robust Real-time LiDAR-inertial Initialization", IROS 2022 (start in motion).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
 pub mod camera;

@@ -478,7 +478,8 @@ mod tests {
         let (a, b) = (Vector3::new(0.6, 0.0, 0.8), Vector3::new(0.0, 1.0, 0.0));
         let of = |n: &Vector3<f64>| Matrix3::identity() - 0.98 * n * n.transpose();
         assert!((metric(&a, &b, 0.02) * (of(&a) + of(&b)) - Matrix3::identity()).norm() < 1e-12);
-        assert!((metric(&Vector3::zeros(), &Vector3::zeros(), 0.02) - 0.5 * Matrix3::identity()).norm() < 1e-12);
+        let planeless: Matrix3<f64> = metric(&Vector3::zeros(), &Vector3::zeros(), 0.02);
+        assert!((planeless - 0.5 * Matrix3::identity()).norm() < 1e-12);
     }
 
     #[test]

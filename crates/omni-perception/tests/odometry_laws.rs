@@ -207,7 +207,7 @@ mod correction {
             prop_assert!(shrunk.trace() > -1e-9);
             // Held directions: still positive definite, and the state does not move along them.
             let axis = points[0].1;
-            let degeneracy = Degeneracy { translations: vec![axis], rotations: Vec::new() };
+            let degeneracy = Degeneracy { translations: vec![axis], ..Degeneracy::default() };
             let held = update(&state, &covariance, &state, &residuals, 4, |_| degeneracy.keep()).expect("positive definite");
             prop_assert!(held.covariance.cholesky().is_some());
             prop_assert!((held.state.position_m - state.position_m).dot(&axis).abs() < 1e-9);

@@ -123,6 +123,7 @@ fn the_real_pair_is_aligned_as_well_as_its_peer_does_it() {
 }
 
 /// Source, target, and the pose of the source in the target.
+#[allow(clippy::type_complexity)] // source, target, pose
 fn real_pair() -> Option<(Vec<Point3<f32>>, Vec<Point3<f32>>, Isometry3<f64>)> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/lidar/");
     let cloud = |name: &str| -> Option<Vec<Point3<f32>>> {

@@ -20,6 +20,8 @@ pub struct Degeneracy {
     pub translations: Vec<Vector3<f64>>,
     /// Unit axes in the IMU frame about which the rotation is not observed.
     pub rotations: Vec<Vector3<f64>>,
+    /// How many cells' worth of normals look along the direction of translation that is seen least.
+    pub weakest_cells: f64,
 }
 
 impl Degeneracy {
@@ -28,6 +30,7 @@ impl Degeneracy {
         let cells = equations.directions.trace();
         Degeneracy {
             translations: weak_directions(&equations.directions, min_cells.max(MIN_SHARE * cells)),
+            weakest_cells: equations.directions.symmetric_eigenvalues().min(),
             rotations: weak_directions(&equations.turns, (0.25 * min_cells).max(MIN_TURN_SHARE * cells)),
         }
     }

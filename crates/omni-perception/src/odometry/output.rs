@@ -1,27 +1,13 @@
 //! What is asked of the odometry: the body's state at the newest sample, or at the last scan's reference time.
 
-use nalgebra::{Isometry3, Matrix6, Vector3};
+use nalgebra::{Matrix6, Vector3};
 
 use crate::odometry::filter::Filter;
 use crate::odometry::propagation::Knot;
 use crate::odometry::state::{Covariance, ImuState};
 use crate::odometry::voxel_map::VoxelMap;
-use crate::odometry::{LidarInertialOdometry, OdometryEstimate, TrackingStatus};
+use crate::odometry::{LidarInertialOdometry, OdometryEstimate};
 use crate::{ReferenceTime, Stamp, Trajectory};
-
-impl OdometryEstimate {
-    /// A body at rest with nothing known about its accuracy.
-    pub fn at_rest(stamp: Stamp, world_from_body: Isometry3<f64>) -> OdometryEstimate {
-        OdometryEstimate {
-            stamp,
-            world_from_body,
-            velocity_in_world_mps: Vector3::zeros(),
-            angular_velocity_in_body_radps: Vector3::zeros(),
-            covariance: Matrix6::zeros(),
-            status: TrackingStatus::Initialising,
-        }
-    }
-}
 
 impl LidarInertialOdometry {
     /// The body at the newest IMU sample. Before the start: at rest where it was told to begin.

@@ -51,7 +51,7 @@ pub(crate) fn align(map: &VoxelMap, points: &[Point3<f64>], guess: &Isometry3<f6
             // Where next to no plane looks along, the guess stays.
             let keep = Degeneracy {
                 translations: weak_directions(&directions, MIN_SHARE * directions.trace()),
-                rotations: Vec::new(),
+                ..Degeneracy::default()
             }
             .keep();
             let damping = Matrix6::identity() * (AGREES_M / DAMPING_SIGMA).powi(2);
