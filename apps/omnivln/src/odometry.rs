@@ -11,7 +11,7 @@ use arena::mission::omni_perception::{LioConfig, OdometryEstimate};
 use arena::mission::recording;
 use clap::Args;
 use nalgebra::Isometry3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Options of `odometry`.
 #[derive(Debug, Args)]
@@ -63,23 +63,11 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
         write_whole(path, &bytes)?;
     }
 
-    run.cpu_ms.sort_by(f64::total_cmp);
-    let quantile = |share: f64| run.cpu_ms.get(((run.cpu_ms.len() as f64 - 1.0) * share).round() as usize).copied();
     if options.json {
-        let summary = json!({
-            "scans": run.scans,
-            "scans_tracked": tracked,
-            "cpu_ms_per_scan_median": quantile(0.5),
-            "cpu_ms_per_scan_p95": quantile(0.95),
-            "rss_growth_mib": growth_mib,
-            "status_counts": run.status_counts,
-            "degenerate_scans": run.degenerate_scans,
-            "dropped": run.dropped,
-        });
-        println!("{summary}");
+        println!("{}", summary(&run, tracked, growth_mib));
     } else {
         println!("{} scans, {tracked} with a pose -> {}", run.scans, options.out.display());
-        if let (Some(median), Some(p95)) = (quantile(0.5), quantile(0.95)) {
+        if let (Some(median), Some(p95)) = (quantile(&run.cpu_ms, 0.5), quantile(&run.cpu_ms, 0.95)) {
             println!("CPU per scan: median {median:.2} ms, 95 % below {p95:.2} ms");
         }
         for (status, count) in &run.status_counts {
@@ -90,6 +78,26 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The keys are promised.
+fn summary(run: &OdometryRun, tracked: usize, growth_mib: Option<f64>) -> Value {
+    json!({
+        "scans": run.scans,
+        "scans_tracked": tracked,
+        "cpu_ms_per_scan_median": quantile(&run.cpu_ms, 0.5),
+        "cpu_ms_per_scan_p95": quantile(&run.cpu_ms, 0.95),
+        "rss_growth_mib": growth_mib,
+        "status_counts": run.status_counts,
+        "degenerate_scans": run.degenerate_scans,
+        "dropped": run.dropped,
+    })
+}
+
+fn quantile(values: &[f64], share: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(((values.len() as f64 - 1.0) * share).round() as usize).copied()
 }
 
 /// One line of a TUM trajectory; the seconds are written from integers, with all nine decimals.
@@ -122,7 +130,33 @@ fn peak_rss_mib() -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use arena::mission::omni_perception::Stamp;
+    use arena::mission::omni_perception::{RotatingMount, Stamp};
+    use arena::mission::recording::RecordedRig;
+
+    #[test]
+    fn the_promised_keys() {
+        let identity = Isometry3::identity();
+        let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
+        let rig = RecordedRig { mount, is_rotating: true, body_from_imu: identity };
+        let mut run = OdometryRun::new(&rig, LioConfig::default()).expect("sound");
+        run.cpu_ms = vec![3.0, 1.0, 2.0];
+        let summary = summary(&run, 0, None);
+        let keys: Vec<&str> = summary.as_object().expect("an object").keys().map(String::as_str).collect();
+        assert_eq!(
+            keys,
+            [
+                "cpu_ms_per_scan_median",
+                "cpu_ms_per_scan_p95",
+                "degenerate_scans",
+                "dropped",
+                "rss_growth_mib",
+                "scans",
+                "scans_tracked",
+                "status_counts"
+            ]
+        );
+        assert_eq!(summary["cpu_ms_per_scan_median"], 2.0);
+    }
 
     #[test]
     fn nine_decimals_of_a_date() {

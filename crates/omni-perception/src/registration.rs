@@ -479,7 +479,7 @@ mod tests {
         let of = |n: &Vector3<f64>| Matrix3::identity() - 0.98 * n * n.transpose();
         assert!((metric(&a, &b, 0.02) * (of(&a) + of(&b)) - Matrix3::identity()).norm() < 1e-12);
         let planeless: Matrix3<f64> = metric(&Vector3::zeros(), &Vector3::zeros(), 0.02);
-        assert!((planeless - 0.5 * Matrix3::identity()).norm() < 1e-12);
+        assert!((planeless - Matrix3::identity() * 0.5).norm() < 1e-12);
     }
 
     #[test]

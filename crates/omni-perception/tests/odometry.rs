@@ -110,6 +110,8 @@ fn an_empty_corridor_is_degenerate_along_its_axis() {
     let axis = (estimates(&run)[0].world_from_body * body_from_imu()).rotation
         * (stride(1.0).rotation.inverse() * Vector3::x());
     let mut degenerate = 0;
+    let weakest = tracked.iter().map(|(report, _)| report.degeneracy.weakest_cells);
+    println!("along the axis at most {:.2} cells", weakest.fold(0.0, f64::max));
     for (report, _) in &tracked {
         if let [direction] = report.degeneracy.translations[..] {
             assert!(direction.dot(&axis).abs() > 0.99, "{direction}");

@@ -199,3 +199,99 @@ fn isometry(numbers: &[f64; 7]) -> Option<Isometry3<f64>> {
 fn read(path: &Path) -> Result<String, RecordingError> {
     fs::read_to_string(path).map_err(|source| RecordingError::Io { path: path.to_owned(), source })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let head = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((head.len() as u16).to_le_bytes());
+        bytes.extend(head.bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    fn npz(path: &Path, times_s: &[f64]) {
+        let mut writer = zip::ZipWriter::new(fs::File::create(path).unwrap());
+        let positions: Vec<u8> = (0..3 * times_s.len()).flat_map(|k| (k as f32).to_le_bytes()).collect();
+        let times: Vec<u8> = times_s.iter().flat_map(|t| t.to_le_bytes()).collect();
+        let count = times_s.len();
+        for (name, array) in [
+            ("xyz_raw.npy", npy("<f4", &format!("{count}, 3"), &positions)),
+            ("t.npy", npy("<f8", &format!("{count},"), &times)),
+            ("ring.npy", npy("|u1", &format!("{count},"), &vec![7; count])),
+        ] {
+            writer.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+            writer.write_all(&array).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write(
+            "meta.json",
+            r#"{"t0": 1700000000.0, "T_imu_lidar_quat_xyzw_xyz": [0,0,0,1, 0.06,-0.02,0.11],
+                "T_rotor_sensor_quat_xyzw_xyz": [0.25881904510252074,0,0,0.9659258262890683, 0,0.03,0.05], "more": []}"#,
+        );
+        write(
+            "imu.csv",
+            "t,gx,gy,gz,ax,ay,az\n1700000000.000000,1,2,3,4,5,6\n1700000000.005000,0,0,nan,0,0,9.8\nrubbish\n",
+        );
+        write("motor.csv", "t,angle\n1700000000.000000,0.5\n1700000000.002000,0.6\n");
+        fs::create_dir(folder.path().join("scans")).unwrap();
+        npz(&folder.path().join("scans/000000.npz"), &[0.003, 0.001, 0.004]);
+        folder
+    }
+
+    #[test]
+    fn events_come_in_the_order_of_time_with_stamps_to_the_nanosecond() {
+        let folder = folder();
+        let recording = crate::recording::open(folder.path()).unwrap();
+        assert!(recording.rig.is_rotating);
+        assert_eq!(recording.rig.mount.body_from_stator.translation.vector, Vector3::new(0.06, -0.02, 0.11));
+        let events: Vec<Item> = recording.events.collect();
+        let t = 1_700_000_000_000_000_000_i64;
+        let stamps: Vec<Option<i64>> = events.iter().map(|e| e.as_ref().ok().map(|e| e.stamp().0 - t)).collect();
+        // IMU, motor, motor, scan (at its last point), IMU with a NaN that the odometry will refuse, and a line that is none.
+        assert_eq!(stamps, [Some(0), Some(0), Some(2_000_000), Some(4_000_000), Some(5_000_000), None]);
+        assert!(matches!(events[5], Err(RecordingError::Line { line: 4, .. })));
+        let Ok(SensorEvent::Scan(scan)) = &events[3] else { panic!("{:?}", events[3]) };
+        assert_eq!(scan.start.0 - t, 1_000_000);
+        let offsets: Vec<u32> = scan.points.iter().map(|point| point.offset_ns).collect();
+        assert_eq!(offsets, [2_000_000, 0, 3_000_000]);
+        assert_eq!((scan.points[1].position, scan.points[1].ring), (Point3::new(3.0, 4.0, 5.0), 7));
+    }
+
+    #[test]
+    fn damaged_scans_are_items_and_damaged_descriptions_are_errors() {
+        let folder = folder();
+        let scan = folder.path().join("scans/000000.npz");
+        let bytes = fs::read(&scan).unwrap();
+        fs::write(folder.path().join("scans/000001.npz"), &bytes[..bytes.len() / 2]).unwrap();
+        npz(&folder.path().join("scans/000002.npz"), &[0.2, 9.0]);
+        npz(&folder.path().join("scans/000003.npz"), &[0.3, f64::NAN]);
+        let events: Vec<Item> = open(folder.path()).unwrap().events.collect();
+        let failed = events.iter().filter(|event| matches!(event, Err(RecordingError::Scan { .. }))).count();
+        assert_eq!(failed, 3);
+        fs::write(folder.path().join("meta.json"), "{").unwrap();
+        assert!(matches!(open(folder.path()), Err(RecordingError::Json { .. })));
+        fs::remove_file(folder.path().join("meta.json")).unwrap();
+        let error = crate::recording::open(folder.path()).err().unwrap();
+        assert!(error.to_string().contains("meta.json"), "{error}");
+    }
+
+    #[test]
+    fn decimal_seconds() {
+        assert_eq!(decimal_stamp("1700000000.123456"), Some(Stamp(1_700_000_000_123_456_000)));
+        assert_eq!(decimal_stamp("5"), Some(Stamp(5_000_000_000)));
+        assert_eq!(decimal_stamp("-0.5"), Some(Stamp(-500_000_000)));
+        for bad in ["", "nan", "1.2e3", "1.-5", "99999999999999", "1.2.3"] {
+            assert_eq!(decimal_stamp(bad), None, "{bad}");
+        }
+    }
+}

@@ -44,7 +44,7 @@ pub struct LioConfig {
     pub points_per_cell: u32,
     /// Largest number of Gauss-Newton steps on one association. Default 4.
     pub max_iterations: usize,
-    /// A direction of translation with less than this many cells' worth of normals is not corrected. Default 8.
+    /// A direction of translation with less than this many cells' worth of normals is not corrected. Default 4.
     pub min_cells_per_direction: f64,
     /// Without a valid update for so long the odometry is lost, s. Default 0.4.
     pub lost_after_s: f64,
@@ -79,7 +79,7 @@ impl Default for LioConfig {
             max_map_voxels: 100_000,
             points_per_cell: 60,
             max_iterations: 4,
-            min_cells_per_direction: 8.0,
+            min_cells_per_direction: 4.0,
             lost_after_s: 0.4,
             encoder_latency_s: 0.0,
             is_rotating: true,

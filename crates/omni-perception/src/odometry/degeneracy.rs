@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use crate::odometry::update::NormalEquations;
 
 /// Share of all cells below which a direction is degenerate as well: the errors of many normals add up.
-const MIN_SHARE: f64 = 0.008;
+const MIN_SHARE: f64 = 0.004;
 /// Turns are judged by lever arms relative to the range; below this share of the cells nothing turns the pose.
-const MIN_TURN_SHARE: f64 = 0.004;
+const MIN_TURN_SHARE: f64 = 0.002;
 
 /// The directions that are not observed.
 #[derive(Debug, Clone, PartialEq, Default)]
