@@ -76,14 +76,21 @@ fn a_robot_in_a_building_that_is_not_the_known_one_says_so() {
 #[ignore = "ten whole runs and two that make the maps"]
 fn five_of_five_starts_in_a_known_flat_succeed() {
     let text = "find the mug near the sink";
-    for kind in [RobotKind::Ground, RobotKind::Aerial] {
+    let robots = std::env::var("ROBOT").unwrap_or_else(|_| "ground,aerial".into());
+    for robot in robots.split(',') {
+        let kind = if robot == "aerial" { RobotKind::Aerial } else { RobotKind::Ground };
         let flat = scene("flat");
         let folder = tempfile::tempdir().expect("a folder");
         let truth_from_map = earlier_run(kind, &flat, text, 1, 300.0, folder.path());
         for seed in 11..16 {
             let known = load(folder.path()).expect("what was saved can be loaded");
             let result = run_anywhere(&coarse(300.0), kind, &flat, text, known, seed);
-            println!("{kind:?} {seed}: {} {:?} {:?}", result.summary.reason, error(&result, &truth_from_map), result.journal().notes);
+            println!(
+                "{kind:?} {seed}: {} {:?} {:?}",
+                result.summary.reason,
+                error(&result, &truth_from_map),
+                result.journal().notes
+            );
             assert!(result.summary.success, "seed {seed}: {}", result.summary.reason);
         }
     }
@@ -100,7 +107,9 @@ fn survey_of_first_looks() {
         let folder = std::env::temp_dir().join(format!("known-{name}"));
         let file = folder.join("truth_from_map.json");
         let truth_from_map = if let Ok(text) = std::fs::read_to_string(&file) {
-            serde_json::from_str::<[f64; 4]>(&text).map(|p| Isometry3::new([p[0], p[1], p[2]].into(), nalgebra::Vector3::z() * p[3])).expect("a pose")
+            serde_json::from_str::<[f64; 4]>(&text)
+                .map(|p| Isometry3::new([p[0], p[1], p[2]].into(), nalgebra::Vector3::z() * p[3]))
+                .expect("a pose")
         } else {
             std::fs::create_dir_all(&folder).expect("a folder");
             let text = std::env::var("TEXT").unwrap_or_else(|_| "find the unicorn".into());
@@ -117,7 +126,10 @@ fn survey_of_first_looks() {
             let stages = &result.summary.stages;
             println!(
                 "{name} {seed}: lost {} off {off_m:.3} m {:.2} deg, cpu {:?} | {:?}",
-                result.mission.is_lost(), off_rad.to_degrees(), stages.get("localisation").map(|s| s.cpu_ms_total), result.journal().notes
+                result.mission.is_lost(),
+                off_rad.to_degrees(),
+                stages.get("localisation").map(|s| s.cpu_ms_total),
+                result.journal().notes
             );
         }
     }

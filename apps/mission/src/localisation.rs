@@ -91,9 +91,9 @@ impl Lost {
         }
     }
 
-    fn look(&self, looks: &Looks) -> Result<Verdict, LocalisationError> {
+    fn look(&self, looks: &Looks) -> Result<Vec<Candidate>, LocalisationError> {
         let place = self.place.as_ref().map_err(Clone::clone)?;
-        Ok(judge(&place.localise(&looks.all())?, &self.config))
+        place.localise(&looks.all())
     }
 }
 
@@ -109,22 +109,25 @@ impl Mission {
             return;
         }
         let (Some(lost), Some(looks)) = (&mut self.lost, &self.world.looks) else { return };
-        let verdict = self.journal.clock.time("localisation", || lost.look(looks));
+        let candidates = self.journal.clock.time("localisation", || lost.look(looks));
         lost.tries += 1;
-        let doubt = match verdict {
-            Ok(Verdict::Here(here)) => return self.found(&here, t_s),
+        let doubt = match candidates.as_deref().map(|candidates| judge(candidates, &lost.config)) {
+            Ok(Verdict::Here(here)) => return self.found(&here.clone(), t_s),
             Ok(Verdict::Ambiguous(best, second)) => format!(
                 "two places look alike ({:.0} % and {:.0} % of what it sees fits)",
                 100.0 * best.score,
                 100.0 * second.score
             ),
-            Ok(Verdict::Nowhere(score)) => format!("nothing in the map looks like what it sees (at best {:.0} % fits)", 100.0 * score),
+            Ok(Verdict::Nowhere(score)) => {
+                format!("nothing in the map looks like what it sees (at best {:.0} % fits)", 100.0 * score)
+            }
             Err(error) => error.to_string(),
         };
         let is_last = lost.tries >= TRIES;
         self.journal.notes.push((t_s, format!("where it stands in the known map is not clear: {doubt}")));
         if is_last || !self.go_and_see_more(t_s) {
-            let reason = format!("It cannot tell where in the known map it is: {doubt}. Its start can be given with --start.");
+            let reason =
+                format!("It cannot tell where in the known map it is: {doubt}. Its start can be given with --start.");
             self.finish(Outcome::GaveUp { reason });
         }
     }
@@ -177,9 +180,8 @@ impl Mission {
         let Lost { known, recent, tries, .. } = *lost;
         let old_floor_m = self.world.floor_m;
         // The looks were heights above the floor; the map has its own zero.
-        let map_from_own = Translation3::new(0.0, 0.0, known.floor_m)
-            * here.map_from_scan
-            * Translation3::new(0.0, 0.0, -old_floor_m);
+        let map_from_own =
+            Translation3::new(0.0, 0.0, known.floor_m) * here.map_from_scan * Translation3::new(0.0, 0.0, -old_floor_m);
         let frame = MapFrame { map_from_odometry: map_from_own * self.world.frame().map_from_odometry };
         let floor_m = known.floor_m;
         let mut world = WorldModel::new(&self.robot, &self.config, self.world.camera(), floor_m)

@@ -41,8 +41,11 @@ pub struct RegisterOptions {
 pub fn run(options: &RegisterOptions) -> Result<ExitCode> {
     let (source, source_at) = read(&options.source)?;
     let (target, target_at) = read(&options.target)?;
-    let config =
-        RegistrationConfig { leaf_m: options.leaf, max_distance_m: options.max_distance, ..RegistrationConfig::default() };
+    let config = RegistrationConfig {
+        leaf_m: options.leaf,
+        max_distance_m: options.max_distance,
+        ..RegistrationConfig::default()
+    };
     let guess = options.guess.as_ref().map_or_else(Isometry3::identity, pose_in_map);
     // The clouds are read about their own middles, so that f32 holds them wherever on Earth they lie.
     let near = |far: &Isometry3<f64>| Translation3::from(-target_at) * far * Translation3::from(source_at);

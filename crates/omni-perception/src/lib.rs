@@ -1,5 +1,5 @@
-//! Raw LiDAR scans, motor angles, odometry and segmented panoramas go in; deskewed scans, labelled points and
-//! observations of objects come out.
+//! Raw LiDAR scans, motor angles, odometry and segmented panoramas go in; deskewed scans, labelled points,
+//! observations of objects, the pose between two scans and the place in a known map come out.
 //!
 //! # The problem
 //! ```text
@@ -43,6 +43,8 @@
 //! 4. [`transfer_labels`]: erosion of the masks, a range buffer for what the camera cannot see, and of each thing the
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
 //! 5. [`observe_panorama`]: points, names, colour and weight of each thing; [`LabelVote`]: the vote over frames (Eq. 4).
+//! 6. [`register`]: the pose between two scans, from a guess ([`registration`]); [`localise()`]: the place of a few scans in a
+//!    known map, without any ([`localisation`]).
 //!
 //! # Conventions
 //! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew
@@ -52,10 +54,12 @@
 //!
 //! # What it does not do
 //! It does not estimate the motion (only [`OdometryEstimate`], the type of the answer, is here), run a segmenter,
-//! associate things over time, or keep a map.
+//! associate things over time, or keep a map: known maps come in as points.
 //!
 //! # References
 //! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (deskew on inertial knots).
+//! - Segal, Haehnel, Thrun, "Generalized-ICP", RSS 2009 (registration).
+//! - Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016 (branch and bound over a pyramid).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
 pub mod deskew;

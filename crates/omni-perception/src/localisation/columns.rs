@@ -33,13 +33,7 @@ pub fn slices_of(z_m: f64, band_m: (f64, f64), is_wide: bool) -> u16 {
 }
 
 /// The columns of a scan: points within the band and `max_range_m` of the z axis, at most `most` of them, evenly chosen.
-pub fn columns(
-    scan: &[Point3<f32>],
-    band_m: (f64, f64),
-    cell_m: f64,
-    max_range_m: f64,
-    most: usize,
-) -> Vec<Column> {
+pub fn columns(scan: &[Point3<f32>], band_m: (f64, f64), cell_m: f64, max_range_m: f64, most: usize) -> Vec<Column> {
     let mut cells: BTreeMap<(i32, i32), (Vector2<f64>, f64, u16)> = BTreeMap::new();
     for point in scan {
         let point = point.cast::<f64>();
@@ -77,7 +71,7 @@ mod tests {
 
     #[test]
     fn a_wall_is_one_column_with_many_slices() {
-        let wall: Vec<Point3<f32>> = (0..20).map(|k| Point3::new(1.02, 0.03, 0.1 * k as f32)).collect();
+        let wall: Vec<Point3<f32>> = (0..20).map(|k| Point3::new(1.02, 0.03, 0.05 + 0.1 * k as f32)).collect();
         let found = columns(&wall, (0.2, 1.8), 0.1, 5.0, 100);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].slices, u16::MAX);

@@ -68,7 +68,7 @@ pub fn best_places(pyramid: &Pyramid, scan: &[Column], wanted: &Wanted) -> Found
         }
     }
     let mut found = Found { is_complete: true, ..Found::default() };
-    
+
     while let Some(window) = open.pop() {
         let best = found.hits.first().map_or(0, |hit| hit.score);
         let least = wanted.least_score.max((wanted.least_share * f64::from(best)).ceil() as u32);

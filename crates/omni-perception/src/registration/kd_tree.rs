@@ -21,8 +21,15 @@ pub struct KdTree {
 #[derive(Debug, Clone, Copy)]
 enum Node {
     /// Left child is the next node.
-    Split { axis: u8, at: f32, right: u32 },
-    Leaf { first: u32, end: u32 },
+    Split {
+        axis: u8,
+        at: f32,
+        right: u32,
+    },
+    Leaf {
+        first: u32,
+        end: u32,
+    },
 }
 
 /// The nearest few points, nearest first.

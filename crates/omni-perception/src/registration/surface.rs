@@ -23,7 +23,11 @@ impl Surface {
     ///
     /// # Errors
     /// [`RegistrationError::TooFewPoints`] (which names `cloud`), or a setting that makes no sense.
-    pub fn new(points: &[Point3<f32>], config: &RegistrationConfig, cloud: Cloud) -> Result<Surface, RegistrationError> {
+    pub fn new(
+        points: &[Point3<f32>],
+        config: &RegistrationConfig,
+        cloud: Cloud,
+    ) -> Result<Surface, RegistrationError> {
         config.validate()?;
         let thinned = thin(points, config.leaf_m);
         if thinned.points.len() < config.min_inliers {

@@ -164,7 +164,10 @@ mod tests {
         let big = HEAD.replace("ascii", "binary_big_endian");
         assert!(matches!(read_ply_points(format!("{big}end_header\n").as_bytes()), Err(PlyError::Format)));
         let list = HEAD.replace("double y", "list uchar float y");
-        assert!(matches!(read_ply_points(format!("{list}end_header\n").as_bytes()), Err(PlyError::Unsupported { line: 7 })));
+        assert!(matches!(
+            read_ply_points(format!("{list}end_header\n").as_bytes()),
+            Err(PlyError::Unsupported { line: 7 })
+        ));
         let many = HEAD.replace("vertex 2", "vertex 4000000000").replace("ascii", "binary_little_endian");
         assert!(matches!(
             read_ply_points(format!("{many}end_header\n").as_bytes()),
