@@ -91,9 +91,9 @@ impl Lost {
         }
     }
 
-    fn look(&self, looks: &Looks) -> Result<Verdict, LocalisationError> {
+    fn look(&self, looks: &Looks) -> Result<Vec<Candidate>, LocalisationError> {
         let place = self.place.as_ref().map_err(Clone::clone)?;
-        Ok(judge(&place.localise(&looks.all())?, &self.config))
+        place.localise(&looks.all())
     }
 }
 
@@ -109,10 +109,10 @@ impl Mission {
             return;
         }
         let (Some(lost), Some(looks)) = (&mut self.lost, &self.world.looks) else { return };
-        let verdict = self.journal.clock.time("localisation", || lost.look(looks));
+        let candidates = self.journal.clock.time("localisation", || lost.look(looks));
         lost.tries += 1;
-        let doubt = match verdict {
-            Ok(Verdict::Here(here)) => return self.found(&here, t_s),
+        let doubt = match candidates.as_deref().map(|candidates| judge(candidates, &lost.config)) {
+            Ok(Verdict::Here(here)) => return self.found(&here.clone(), t_s),
             Ok(Verdict::Ambiguous(best, second)) => format!(
                 "two places look alike ({:.0} % and {:.0} % of what it sees fits)",
                 100.0 * best.score,

@@ -1,5 +1,5 @@
 //! Raw LiDAR scans, motor angles, inertial samples and segmented panoramas go in; the body's motion, deskewed scans,
-//! labelled points and observations of objects come out.
+//! labelled points, observations of objects, the pose between two scans and the place in a known map come out.
 //!
 //! # The problem
 //! ```text
@@ -52,6 +52,8 @@
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
 //! 5. [`observe_panorama`]: points, names, colour, video number and weight of each thing; [`LabelVote`]: the vote over
 //!    frames (Eq. 4).
+//! 6. [`register`]: the pose between two scans, from a guess ([`registration`]); [`localise()`]: the place of a few scans in a
+//!    known map, without any ([`localisation`]).
 //!
 //! # Conventions
 //! Frames are named `target_from_source`; world z up, body and camera x forward, y left, z up. The result of a deskew
@@ -69,6 +71,8 @@
 //! - Yuan et al., "Efficient and Probabilistic Adaptive Voxel Mapping", RA-L 2022 (planes kept in voxels).
 //! - Zhang, Kaess, Singh, "On Degeneracy of Optimization-based State Estimation Problems", ICRA 2016.
 //! - Zhu, Ren, Zhang, "Robust Real-time LiDAR-inertial Initialization", IROS 2022 (start in motion).
+//! - Segal, Haehnel, Thrun, "Generalized-ICP", RSS 2009 (registration).
+//! - Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016 (branch and bound over a pyramid).
 //! - Lin et al., COCO, pycocotools `maskApi.c` (run-length encoding).
 
 pub mod camera;

@@ -50,9 +50,9 @@ pub struct LocalisationConfig {
     pub max_windows: usize,
     /// A scan point on a surface is at most this far off its plane, metres, default 0.06.
     pub tolerance_m: f64,
-    /// A best score below this is another place, default 0.7.
+    /// A best score below this is another place, default 0.75.
     pub min_score: f64,
-    /// A margin below this is no decision, default 0.1.
+    /// A margin below this is no decision, default 0.12.
     pub min_margin: f64,
 }
 
@@ -70,8 +70,8 @@ impl Default for LocalisationConfig {
             least_share: 0.7,
             max_windows: 2_000_000,
             tolerance_m: 0.06,
-            min_score: 0.7,
-            min_margin: 0.1,
+            min_score: 0.75,
+            min_margin: 0.12,
         }
     }
 }
@@ -177,24 +177,23 @@ pub struct Candidate {
 }
 
 /// What the candidates allow to say.
-#[allow(clippy::large_enum_variant)] // there is one of it
-#[derive(Debug, Clone, PartialEq)]
-pub enum Verdict {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict<'a> {
     /// Here.
-    Here(Candidate),
+    Here(&'a Candidate),
     /// Here or at another place that looks alike.
-    Ambiguous(Candidate, Candidate),
+    Ambiguous(&'a Candidate, &'a Candidate),
     /// Nowhere in this map; the score of the best place.
     Nowhere(f64),
 }
 
 /// Judges candidates as [`localise`] returns them, best first.
-pub fn judge(candidates: &[Candidate], config: &LocalisationConfig) -> Verdict {
+pub fn judge<'a>(candidates: &'a [Candidate], config: &LocalisationConfig) -> Verdict<'a> {
     match candidates {
         [] => Verdict::Nowhere(0.0),
         [best, ..] if best.score < config.min_score => Verdict::Nowhere(best.score),
-        [best, second, ..] if best.margin < config.min_margin => Verdict::Ambiguous(best.clone(), second.clone()),
-        [best, ..] => Verdict::Here(best.clone()),
+        [best, second, ..] if best.margin < config.min_margin => Verdict::Ambiguous(best, second),
+        [best, ..] => Verdict::Here(best),
     }
 }
 

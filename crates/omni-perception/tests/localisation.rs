@@ -27,22 +27,13 @@ fn is_at(found: &Isometry3<f64>, truth: &Isometry3<f64>) -> bool {
 fn a_robot_finds_itself_in_a_building_it_knows() {
     let config = LocalisationConfig::default();
     let (mut decided, mut all) = (0, 0);
-    for seed in 0..4 {
-        let building = Building::drawn(seed, 3 + seed as usize);
+    for seed in 0..3 {
+        let building = Building::drawn(seed, 2 + seed as usize);
         let known = KnownPlace::new(&building.surface(NOISE_M, seed), &config).unwrap();
-        for room in 0..building.rooms.len() {
+        for room in [0, building.rooms.len() - 1] {
             let truth = building.free_pose(room, seed);
-            let t0 = std::time::Instant::now();
             let candidates =
                 known.localise(&[Look { eye: rooms::EYE, points: &building.scan(&truth, NOISE_M, seed) }]).unwrap();
-            println!(
-                "{seed} {room} {:?}: {:.2?}",
-                t0.elapsed(),
-                candidates
-                    .iter()
-                    .map(|c| (c.score, c.on_map, c.confirmed, is_at(&c.map_from_scan, &truth)))
-                    .collect::<Vec<_>>()
-            );
             all += 1;
             if let Verdict::Here(here) = judge(&candidates, &config) {
                 decided += 1;
@@ -50,7 +41,7 @@ fn a_robot_finds_itself_in_a_building_it_knows() {
             }
         }
     }
-    assert!(decided + 1 >= all, "{decided} of {all}");
+    assert!(decided == all, "{decided} of {all}");
 }
 
 /// Branch and bound against a look at every pose.
@@ -131,7 +122,6 @@ fn another_building_is_refused() {
         let looks = here.scan(&here.free_pose(0, seed), NOISE_M, seed);
         let looks = [Look { eye: rooms::EYE, points: &looks }];
         let candidates = localise(&looks, &there.surface(NOISE_M, seed), &config).unwrap();
-        println!("{:.2?}", candidates.iter().map(|c| (c.score, c.on_map, c.confirmed)).collect::<Vec<_>>());
         assert!(!matches!(judge(&candidates, &config), Verdict::Here(_)), "seed {seed}: {:?}", candidates[0]);
     }
 }
@@ -165,7 +155,7 @@ fn what_cannot_be_searched_is_refused_by_name() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(6))]
+    #![proptest_config(ProptestConfig::with_cases(4))]
 
     /// The heading in which the scan is told does not matter: the same place is found.
     #[test]

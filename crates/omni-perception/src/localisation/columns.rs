@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn a_wall_is_one_column_with_many_slices() {
-        let wall: Vec<Point3<f32>> = (0..20).map(|k| Point3::new(1.02, 0.03, 0.1 * k as f32)).collect();
+        let wall: Vec<Point3<f32>> = (0..20).map(|k| Point3::new(1.02, 0.03, 0.05 + 0.1 * k as f32)).collect();
         let found = columns(&wall, (0.2, 1.8), 0.1, 5.0, 100);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].slices, u16::MAX);

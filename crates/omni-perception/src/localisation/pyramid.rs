@@ -57,7 +57,7 @@ impl Pyramid {
         let corner = low.map(|c| ((c / cell_m).floor() - pad - 1.0) * cell_m);
         let size = (high - corner).map(|c| (c / cell_m).floor() + 3.0);
         let cells = size.x * size.y * (TOP + 1) as f64;
-        if cells.is_nan() || cells > MOST_CELLS as f64 {
+        if cells > MOST_CELLS as f64 {
             return Err(cells as usize);
         }
         let (width, height) = (size.x as usize, size.y as usize);
