@@ -296,15 +296,16 @@ mod tests {
 
     #[test]
     fn a_tap_mixes_four_neighbours() {
-        // 3 x 2 pixels; red grows by 16 to the right, green by 64 downward, blue is 200 in the right column.
-        let rgb = [[0, 0, 0], [16, 0, 0], [32, 0, 200], [0, 64, 0], [16, 64, 0], [32, 64, 200]].concat();
-        let color = |u, v| FixedGain::new(&[1.0; 3]).apply(Tap::new(u, v, [3, 2]).color(&rgb, 9));
+        // 3 x 3 pixels; red grows by 16 to the right, green by 64 downward, blue is 200 in the right column.
+        let rgb: Vec<u8> =
+            [0, 64, 128].iter().flat_map(|green| [0, *green, 0, 16, *green, 0, 32, *green, 200]).collect();
+        let color = |u, v| FixedGain::new(&[1.0; 3]).apply(Tap::new(u, v, [3, 3]).color(&rgb, 9));
         assert_eq!(color(0.5, 0.5), [0, 0, 0]);
         assert_eq!(color(1.0, 1.0), [8, 32, 0]);
         assert_eq!(color(1.75, 0.75), [20, 16, 50]);
-        assert_eq!(color(2.5, 1.5), [31, 60, 188]); // a sixteenth before the last pixel
+        assert_eq!(color(2.5, 0.5), [31, 0, 188]); // a sixteenth before the last pixel
         assert_eq!(color(-7.0, -7.0), [0, 0, 0]);
-        let nearest = Tap::new(1.9, 1.2, [3, 2]).nearest(4, [3, 2]);
+        let nearest = Tap::new(1.9, 1.2, [3, 3]).nearest(4, [3, 3]);
         assert_eq!(nearest, LensPixel { lens: 4, column: 1, row: 1 });
     }
 
