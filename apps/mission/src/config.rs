@@ -12,7 +12,7 @@ use crate::rooms::RoomConfig;
 use crate::segmenter::STANDING;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
-/// [`RobotModel`](robot_model::RobotModel), not from here.
+/// [`RobotModel`], not from here.
 #[derive(Debug, Clone)]
 pub struct MissionConfig {
     /// Who says where the robot is.

@@ -4,11 +4,11 @@
 //! read here from top to bottom:
 //!
 //! 1. [`inertial`], [`propagation`]: the IMU carries the state and its covariance to the scan's end;
-//! 2. [`sweep`]: every point goes to its own time and into a cell of the map;
+//! 2. `sweep`: every point goes to its own time and into a cell of the map;
 //! 3. [`update`]: the cells' planes correct the state, but for the directions they say nothing about ([`degeneracy`]);
 //! 4. [`voxel_map`]: the points, from the corrected pose, become part of the map.
 //!
-//! Before that, [`initialisation`] finds the first state, from rest or in motion; [`supervision`] says how far to
+//! Before that, [`initialisation`] finds the first state, from rest or in motion; `supervision` says how far to
 //! trust the result, keeps it bounded when lost, and finds the way back.
 
 mod beginning;

@@ -68,9 +68,9 @@ mod tests {
     #[test]
     fn rectangles_triangles_and_unions() {
         let rectangle = vec![[1.0, 1.0], [4.0, 1.0], [4.0, 3.0], [1.0, 3.0]];
-        assert_eq!(rows(&[rectangle.clone()]), "......../.###..../.###..../........");
+        assert_eq!(rows(std::slice::from_ref(&rectangle)), "......../.###..../.###..../........");
         let reversed: Vec<_> = rectangle.iter().rev().copied().collect();
-        assert_eq!(rows(&[reversed]), rows(&[rectangle.clone()]));
+        assert_eq!(rows(&[reversed]), rows(std::slice::from_ref(&rectangle)));
         // Two that overlap are one, and a corner outside the image is cut off.
         let other = vec![[3.0, 2.0], [99.0, 2.0], [99.0, 99.0], [3.0, 99.0]];
         assert_eq!(rows(&[rectangle, other]), "......../.###..../.#######/...#####");

@@ -9,7 +9,7 @@
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
 //! This file is the text, with the plain walk for steps 1 and 2 ([`Volume::integrate_plainly`]); what runs is
-//! [`integrate_fast`](crate::integrate_fast), which is held to the same bytes. Cost: about six voxels for each return that pulls;
+//! `integrate_fast`, which is held to the same bytes. Cost: about six voxels for each return that pulls;
 //! the fast walk crosses blocks that are firmly free already in one step.
 
 use nalgebra::{Point3, Vector3};

@@ -7,7 +7,7 @@
 //! /tf_static               tf2_msgs/TFMessage         where the sensors sit
 //! /panorama/compressed     sensor_msgs/CompressedImage
 //! ```
-//! Topics are found by their types, so the names may be others. A first look ([`survey`]) at the beginning decides which topics
+//! Topics are found by their types, so the names may be others. A first look (`survey`) at the beginning decides which topics
 //! to read and how the points tell their time ([`point_times`]); then messages become events one by one. Poses in the bag, true
 //! or estimated, are not looked at.
 

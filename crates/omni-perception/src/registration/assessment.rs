@@ -71,7 +71,7 @@ pub struct Fit {
 }
 
 /// Measures a pose on all finite points. Cost: a tree over the target and a search for each source point, several times that of
-/// [`register`].
+/// [`register`](crate::register).
 pub fn fit(
     source: &[Point3<f32>],
     target: &[Point3<f32>],
