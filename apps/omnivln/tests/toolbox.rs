@@ -227,7 +227,7 @@ fn register_prints_the_pose_of_the_first_scan_in_the_second() {
     assert_eq!(code, Some(0));
     assert!(page.contains("10800 of 10800 points"), "{page}");
     std::fs::write(path("cut.ply"), &corner_ply(0.0)[..300]).expect("written");
-    check_refused(&["register", &path("cut.ply"), &path("a.ply")], &["cut.ply", "the file ends in vertex"]);
+    check_refused(&["register", &path("cut.ply"), &path("a.ply")], &["cut.ply", "line 26"]);
     check_refused(&["register", &path("none.ply"), &path("a.ply")], &["none.ply"]);
     check_refused(&["register", &path("a.ply"), &path("b.ply")], &["b.ply", "lie near the target"]);
     check_refused(&["register", &path("a.ply"), &path("a.ply"), "--leaf", "0"], &["leaf_m"]);

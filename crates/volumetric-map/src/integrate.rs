@@ -117,9 +117,8 @@ impl Volume {
 
     /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
     ///
-    /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All pull, except
-    /// on a surface that is firmly known: there only the first return pulls, and only every other scan unless it does not
-    /// agree with the map.
+    /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All
+    /// pull.
     #[inline(never)]
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
@@ -127,10 +126,6 @@ impl Volume {
         let near = near.max(1e-6);
         let mut rays = Vec::with_capacity(points.len() / 2);
         let turn = u32::try_from(self.config.clear_every).unwrap_or(u32::MAX);
-        let firm = self.config.max_weight / 2;
-        let behind = self.config.behind_m * scale;
-        let protected = [0.5 * behind, behind];
-        let voxels_per_unit = 1.0 / (f64::from(self.thresholds.units_per_m) * self.config.voxel_m);
         for point in points {
             let offset = point.coords.cast::<f64>() * scale - scan.origin;
             let range = offset.norm();
@@ -150,7 +145,6 @@ impl Volume {
             let phase = checker.wrapping_add(self.revision);
             // The usual turns are powers of two; a division for each point is felt.
             let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
-            let may_pull = phase & 1 == 0;
             if is_beyond {
                 scan.report.beyond_range += 1;
                 if is_turn {
@@ -168,25 +162,6 @@ impl Volume {
             let is_first = !contains(&block.hit, local);
             insert(&mut block.hit, local);
             let is_clearing = is_first && is_turn;
-            let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
-            if is_firm && !is_clearing {
-                let depth = range - (Vector3::from(end.map(|i| f64::from(i) + 0.5)) - scan.origin).dot(&direction);
-                let agrees = (depth - f64::from(block.distance[local]) * voxels_per_unit).abs() < AGREES_VOXELS;
-                if !is_first {
-                    continue;
-                }
-                if agrees && !may_pull {
-                    // It says nothing new, but what it stands for must not be cleared: the solid may begin in the next voxel.
-                    for behind in protected {
-                        let voxel = (tip + direction * behind).map(floor).into();
-                        let id = self.enter(BlockKey::of_voxel(voxel), scan);
-                        if id != NONE {
-                            insert(&mut self.blocks[id as usize].in_band, local_of(voxel));
-                        }
-                    }
-                    continue;
-                }
-            }
             rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing });
         }
         rays
@@ -366,8 +341,6 @@ impl Volume {
 
 /// A ray that must end this far (in voxels) off a voxel's tangent plane before it counts against the voxel.
 const CLEAR_DEPTH_VOXELS: f64 = 1.5;
-/// A return this near (in voxels) to where the map has the surface says nothing new.
-const AGREES_VOXELS: f64 = 0.5;
 
 pub(crate) struct Scan {
     pub report: IntegrationReport,
