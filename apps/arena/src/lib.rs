@@ -1,6 +1,7 @@
 //! The world's side of a mission: the simulator, the referee, the figures and the run folder.
 //!
 //! A run is [`run::run`]: it puts a robot into a scene, lets the mission see and command, and judges from the truth what came of it.
+//! [`record::record`] takes a robot on a tour instead and leaves a bag of ROS 2 with masks, truth and tasks.
 //! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
 
 pub mod bench_coverage;

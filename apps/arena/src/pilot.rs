@@ -33,10 +33,11 @@ const STEER_PER_S: f64 = 2.5;
 const TURN_RADPS: f64 = 1.2;
 /// Braking toward the end of the way.
 const BRAKE_MPS2: f64 = 0.4;
-/// Where there is less room than this beside the robot, it goes more slowly in proportion, to cut no corner ...
-const NARROW_M: f64 = 0.3;
+/// Where there is less room than this beside it, a flying robot goes more slowly in proportion, for its set-points lag behind
+/// the way and cut its corners ...
+const NARROW_M: f64 = 0.25;
 /// ... but not below this part of its speed.
-const SLOWEST_PART: f64 = 0.25;
+const SLOWEST_PART: f64 = 0.3;
 /// How far ahead it looks for narrow places.
 const FORESIGHT_M: f64 = 0.6;
 /// Vertical speed of take-off.
@@ -110,8 +111,8 @@ impl Pilot {
         }
     }
 
-    /// Speed for the narrowest place of the way just ahead.
-    fn speed_mps(&self) -> f64 {
+    /// Speed of flight for the narrowest place of the way just ahead.
+    fn flight_speed_mps(&self) -> f64 {
         let at = |along_m: f64| self.along_m.partition_point(|at_m| *at_m < along_m).min(self.room_m.len());
         let ahead = &self.room_m[at(self.progress_m)..at(self.progress_m + FORESIGHT_M)];
         let room_m = ahead.iter().copied().fold(f64::INFINITY, f64::min);
@@ -156,7 +157,7 @@ impl Pilot {
         let error_rad = in_body.y.atan2(in_body.x);
         // Turn first, then walk: a sharp corner is taken on the spot.
         let straight = error_rad.cos().max(0.0).powi(4);
-        let speed_mps = self.speed_mps().min((2.0 * BRAKE_MPS2 * (left_m + 0.05)).sqrt());
+        let speed_mps = self.config.speed_mps.min((2.0 * BRAKE_MPS2 * (left_m + 0.05)).sqrt());
         Command::Velocity {
             forward_mps: speed_mps * straight,
             left_mps: 0.0,
@@ -174,7 +175,7 @@ impl Pilot {
             let climbed_m = start_m + CLIMB_MPS * step_s;
             let has_height = start_m > height_m - 0.1;
             if has_height {
-                self.progress_m = (self.progress_m + self.speed_mps() * step_s).min(self.length_m());
+                self.progress_m = (self.progress_m + self.flight_speed_mps() * step_s).min(self.length_m());
             }
             let at = self.point_at(self.progress_m);
             let z_m = if has_height { height_m } else { climbed_m + 3.0 * CLIMB_MPS / SMOOTH_RADPS };

@@ -119,7 +119,7 @@ pub fn record(
             report(RecordProgress { sim_s: now_s, done_m: pilot.progress_m(), length_m: pilot.length_m() });
         }
         // A robot that is stuck would record for ever.
-        if now_s > 60.0 + 20.0 * pilot.length_m() / config.pilot.speed_mps {
+        if now_s > 60.0 + 10.0 * pilot.length_m() / config.pilot.speed_mps {
             bail!("the robot got stuck {:.1} m into a way of {:.1} m", pilot.progress_m(), pilot.length_m());
         }
         let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &pose);

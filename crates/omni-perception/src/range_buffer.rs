@@ -51,6 +51,8 @@ pub(crate) struct CellGrid {
     rows: usize,
     cells_per_px: f32,
     shows: Vec<u16>,
+    /// One bit a cell: whether it shows anything but [`FAR`]. Most points end here, and 40 kB stay in the first cache.
+    is_near: Vec<u64>,
 }
 
 /// No mask in this cell or its neighbours.
@@ -65,9 +67,12 @@ impl CellGrid {
     pub(crate) fn new(camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> CellGrid {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let mut grid = CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: vec![FAR; columns * rows] };
+        let shows = vec![FAR; columns * rows];
+        let mut grid = CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows, is_near: Vec::new() };
         grid.paint(camera, cell_px, masks);
         grid.mark_neighbours();
+        let bits = |cells: &[u16]| cells.iter().rev().fold(0, |bits, cell| bits << 1 | u64::from(*cell != FAR));
+        grid.is_near = grid.shows.chunks(64).map(bits).collect();
         grid
     }
 
@@ -185,10 +190,10 @@ impl RangeBuffer {
                     continue;
                 }
                 let cell = cells[index] as usize;
-                let shows = grid.shows[cell];
-                if shows == FAR {
+                if grid.is_near[cell / 64] >> (cell % 64) & 1 == 0 {
                     continue;
                 }
+                let shows = grid.shows[cell];
                 if range_m < nearest_m[cell] {
                     nearest_m[cell] = range_m;
                     at[cell] = (u, v);
@@ -290,6 +295,8 @@ mod tests {
                 let around = (row.saturating_sub(1)..=(row + 1).min(grid.rows - 1))
                     .flat_map(|row| with_neighbours(column, grid.columns).map(|column| cell(column, row)));
                 let is_shown = |shows: u16| !matches!(shows, FAR | NEAR);
+                let index = row * grid.columns + column;
+                assert_eq!(grid.is_near[index / 64] >> (index % 64) & 1 == 0, cell(column, row) == FAR);
                 assert_eq!(cell(column, row) == FAR, !around.into_iter().any(is_shown), "{u} {v}");
             }
         }

@@ -91,6 +91,22 @@ fn it_starts_while_it_moves() {
 }
 
 #[test]
+fn a_fixed_lidar_needs_no_encoder() {
+    let drive = Drive { motor_radps: 0.0, to_s: 4.0, ..Drive::new(walk) };
+    let mut odometry = odometry(LioConfig { is_rotating: false, ..LioConfig::default() });
+    let estimates = estimates(&drive.run(&mut odometry));
+    assert!(estimates.len() >= 34);
+    let (position_m, rotation_deg) = worst(&drive.errors(&estimates));
+    assert!(position_m < 0.01 && rotation_deg < 0.2, "{position_m} m, {rotation_deg} deg");
+    // With the flag left at its default the scans wait for an encoder, and say so.
+    let mut waiting = support::drive::odometry(LioConfig::default());
+    drive.imu().iter().for_each(|sample| waiting.push_imu(sample).expect("in order"));
+    let scan = drive.scan(1.0);
+    assert!(!waiting.is_ready_for(&scan));
+    assert!(matches!(waiting.push_scan(&scan), Err(ScanFault::EncoderMissing { .. })));
+}
+
+#[test]
 fn a_thousand_degrees_a_second() {
     let drive = Drive { to_s: 5.0, ..Drive::new(whirl) };
     let fastest = drive.imu().iter().map(|s| s.angular_velocity_radps.norm()).fold(0.0, f64::max);

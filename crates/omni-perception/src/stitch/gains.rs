@@ -90,10 +90,10 @@ impl FixedGain {
             let factor = if factor.is_finite() && factor >= 0.0 { factor } else { 1.0 };
             (factor * 16_384.0).round().min(65_535.0) as u16
         });
-        FixedGain(std::array::from_fn(|lane| [red, green, blue, 0][lane % 4]))
+        FixedGain(std::array::from_fn(|lane| [red, green, blue][lane % 3]))
     }
 
-    /// The factors times 2^14: red, green, blue, 0, and again.
+    /// The factors times 2^14: red, green, blue, and again.
     pub(super) fn lanes(&self) -> &[u16; LANES] {
         &self.0
     }

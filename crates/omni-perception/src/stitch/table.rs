@@ -1,8 +1,8 @@
-//! The fast form of stitching: the geometry in a table of fixed-point places, eight bytes for a pixel and lens.
+//! The fast form of stitching: the geometry in a table of fixed-point places, seven bytes for a pixel.
 //!
 //! A place is the first byte of the upper left of four neighbouring pixels, and the ways from there to the next column and
-//! row in sixteenths; so it is right to 1/32 pixel. Nine tenths of a panorama are seen by one lens only: those pixels are
-//! runs without weights. The rest has weights in 1/256.
+//! row in sixteenths; so it is right to 1/32 pixel. First every pixel is filled by the lens that is heaviest there. Then the
+//! few (a twentieth with two fisheyes) that others share are mixed with those, with weights in 1/256.
 
 use super::gains::{FixedGain, Gain, gains_of};
 use super::lanes::Lanes;
@@ -15,15 +15,15 @@ pub struct Stitcher {
     panorama: Equirectangular,
     /// Width and height of each lens's image.
     sizes: Vec<[u32; 2]>,
-    /// Stretches seen by one lens.
+    /// Stretches of one lens.
     runs: Vec<Run>,
     /// Places of the runs, one for each pixel: their first bytes ...
     offsets: Vec<u32>,
     /// ... and their ways, once for each byte that `lanes.rs` mixes with them.
-    ways: Vec<[u8; 4]>,
+    ways: Vec<[u8; 3]>,
     /// Pixels seen by several lenses.
     blends: Vec<Blend>,
-    /// Parts of the blends.
+    /// Parts of the blends, the heaviest lens first.
     shares: Vec<Share>,
     /// Stretches that no lens sees.
     gaps: Vec<Run>,
@@ -109,15 +109,15 @@ impl Stitcher {
     fn add(&mut self, pixel: u32, shares: &[Share]) {
         match shares {
             [] => extend(&mut self.gaps, pixel, 0),
-            [share] => {
-                extend(&mut self.runs, pixel, share.lens);
-                self.offsets.push(share.tap.offset);
-                self.ways.push([share.tap.way; 4]);
-            }
-            several => {
-                let first = self.shares.len() as u32;
-                self.blends.push(Blend { pixel, first, count: several.len() as u8 });
-                self.shares.extend_from_slice(several);
+            [heaviest, others @ ..] => {
+                extend(&mut self.runs, pixel, heaviest.lens);
+                self.offsets.push(heaviest.tap.offset);
+                self.ways.push([heaviest.tap.way; 3]);
+                if !others.is_empty() {
+                    let first = self.shares.len() as u32;
+                    self.blends.push(Blend { pixel, first, count: shares.len() as u8 });
+                    self.shares.extend_from_slice(shares);
+                }
             }
         }
     }
@@ -179,15 +179,22 @@ impl Stitcher {
             done += length;
         }
         for blend in &self.blends {
-            let mut sum = [128_u32; 3];
-            for share in &self.shares[blend.first as usize..][..usize::from(blend.count)] {
+            let pixel = &mut rgb[3 * blend.pixel as usize..][..3];
+            let Some((heaviest, others)) =
+                self.shares[blend.first as usize..][..usize::from(blend.count)].split_first()
+            else {
+                continue;
+            };
+            let weighted = |weight: u16, value: u8| u32::from(weight) * u32::from(value);
+            let mut sum = [pixel[0], pixel[1], pixel[2]].map(|value| 128 + weighted(heaviest.weight, value));
+            for share in others {
                 let (image, gain) = (&images[usize::from(share.lens)], &gains[usize::from(share.lens)]);
                 let color = gain.apply(share.tap.color(&image.rgb, 3 * image.width as usize));
                 for (sum, value) in sum.iter_mut().zip(color) {
-                    *sum += u32::from(share.weight) * u32::from(value);
+                    *sum += weighted(share.weight, value);
                 }
             }
-            rgb[3 * blend.pixel as usize..][..3].copy_from_slice(&sum.map(|sum| (sum >> 8) as u8));
+            pixel.copy_from_slice(&sum.map(|sum| (sum >> 8) as u8));
         }
         Ok(())
     }
@@ -201,12 +208,6 @@ impl Stitcher {
             for (source, tap) in sources[run.start as usize..][..run.length as usize].iter_mut().zip(&mut taps) {
                 *source = Some(tap.nearest(run.lens, self.sizes[usize::from(run.lens)]));
             }
-        }
-        for blend in &self.blends {
-            let shares = &self.shares[blend.first as usize..][..usize::from(blend.count)];
-            let heaviest = shares.iter().rev().max_by_key(|share| share.weight);
-            sources[blend.pixel as usize] =
-                heaviest.map(|share| share.tap.nearest(share.lens, self.sizes[usize::from(share.lens)]));
         }
         sources
     }
@@ -222,11 +223,12 @@ fn by_tiles(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
     tiles.flat_map(|(columns, rows)| rows.flat_map(move |row| columns.clone().map(move |column| (column, row))))
 }
 
-/// Drops shares below half a step and makes the weights add up to 256.
+/// Drops shares below half a step, puts the heaviest first (the first of equals), and makes the weights add up to 256.
 fn settle(shares: &mut Vec<Share>) {
     shares.retain(|share| share.weight > 0);
+    shares.sort_by_key(|share| std::cmp::Reverse(share.weight)); // stable
     let sum: u16 = shares.iter().map(|share| share.weight).sum();
-    if let Some(heaviest) = shares.iter_mut().max_by_key(|share| share.weight) {
+    if let Some(heaviest) = shares.first_mut() {
         heaviest.weight += 256;
         heaviest.weight -= sum; // rounding of a few weights: less than the heaviest
     }
@@ -318,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_at_once_are_as_one_by_one() {
+    fn a_batch_is_as_one_by_one() {
         let mut state = 1_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -335,7 +337,7 @@ mod tests {
             let plain: Vec<u8> =
                 taps.iter().flat_map(|tap| gain.apply(tap.color(&image, 3 * width as usize))).collect();
             let mut fast = vec![0; plain.len()];
-            let (offsets, ways): (Vec<u32>, Vec<[u8; 4]>) = taps.iter().map(|tap| (tap.offset, [tap.way; 4])).unzip();
+            let (offsets, ways): (Vec<u32>, Vec<[u8; 3]>) = taps.iter().map(|tap| (tap.offset, [tap.way; 3])).unzip();
             Lanes::new().fill(&mut fast, &offsets, &ways, &image, 3 * width, &gain);
             assert_eq!(plain, fast);
         }
@@ -346,6 +348,6 @@ mod tests {
         let share = |weight| Share { tap: Tap { offset: 0, way: 0 }, weight, lens: 0 };
         let mut shares = vec![share(85), share(85), share(85), share(0)];
         settle(&mut shares);
-        assert_eq!(shares.iter().map(|s| s.weight).collect::<Vec<_>>(), [85, 85, 86]);
+        assert_eq!(shares.iter().map(|s| s.weight).collect::<Vec<_>>(), [86, 85, 85]);
     }
 }

@@ -30,6 +30,8 @@ pub struct Drive {
     pub blind_s: (f64, f64),
     /// No IMU sample in this span of time.
     pub deaf_s: (f64, f64),
+    /// Zero: a fixed LiDAR without an encoder.
+    pub motor_radps: f64,
     pub seed: u64,
 }
 
@@ -52,6 +54,7 @@ impl Drive {
             lidar_clock_s: 0.0,
             blind_s: (0.0, 0.0),
             deaf_s: (0.0, 0.0),
+            motor_radps: std::f64::consts::PI,
             seed: 1,
         }
     }
@@ -82,7 +85,8 @@ impl Drive {
 
     pub fn encoder(&self) -> Vec<EncoderSample> {
         let count = ((self.to_s - self.from_s) * 500.0) as usize;
-        let at = |t: f64| EncoderSample { stamp: Stamp(0).plus_seconds(t), angle_rad: motor(t) };
+        let at = |t: f64| EncoderSample { stamp: Stamp(0).plus_seconds(t), angle_rad: self.motor_radps * t };
+        let count = if self.motor_radps == 0.0 { return Vec::new() } else { count };
         (0..=count + 10).map(|k| at(self.from_s - 0.01 + k as f64 / 500.0)).collect()
     }
 
@@ -99,7 +103,7 @@ impl Drive {
                 let still = self.scene.blocks.iter().map(|b| Block { thing: b.thing, min: b.min, max: b.max });
                 scene.blocks = still.chain((self.moving)(t)).collect();
             }
-            let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, motor(t));
+            let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, self.motor_radps * t);
             let world_from_sensor = (self.motion)(t)
                 * self.mount_error
                 * imu_mount().body_from_stator
@@ -185,10 +189,6 @@ impl Drive {
 /// The worst of the errors.
 pub fn worst(errors: &[(f64, f64)]) -> (f64, f64) {
     errors.iter().fold((0.0, 0.0), |worst, error| (error.0.max(worst.0), error.1.max(worst.1)))
-}
-
-pub fn motor(t: f64) -> f64 {
-    std::f64::consts::PI * t
 }
 
 /// The LiDAR's mount on the IMU.
