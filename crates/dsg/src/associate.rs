@@ -89,7 +89,7 @@ struct Fit {
     size_ratio: f64,
     /// Whether the frame may have drifted noticeably since the object was seen.
     is_stale: bool,
-    /// Whether the view carries the video number that was last this object's.
+    /// Whether the view carries a video number that has proved to be this object's.
     is_tracked: bool,
 }
 
@@ -104,7 +104,6 @@ pub(crate) struct Match {
 /// For each view the object it shows, `None` for a new one. Greedy by fit: deterministic, and as good as an optimal
 /// assignment where gates are narrow.
 pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<Match>> {
-    let owners: Vec<Option<ObjectId>> = views.iter().map(|view| owner_of_track(graph, view, config)).collect();
     let mut fits: Vec<(f64, ObjectId, usize, Fit)> = Vec::new();
     for object in graph.objects() {
         let Some(memory) = graph.memory.get(&object.id) else {
@@ -114,12 +113,15 @@ pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &Association
             if view.bounds.gap_m(&object.bounds) > 0.4 {
                 continue;
             }
-            let fit = Fit { is_tracked: owners[at] == Some(object.id), ..fit(view, object, memory, config) };
-            if is_same_thing(&fit, config) || is_same_by_track(&fit, config) {
+            let fit = fit(view, object, memory, config);
+            if is_same_thing(&fit, config) {
                 // The number breaks ties between neighbours; it weighs less than any of the others.
                 let tracked = 0.1 * f64::from(u8::from(fit.is_tracked));
                 let score = 0.5 * fit.overlap + 0.3 * fit.closeness + 0.2 * fit.likeness + tracked;
                 fits.push((score, object.id, at, fit));
+            } else if is_same_by_track(&fit, config) {
+                // Only for a view that place and name put nowhere: behind all others.
+                fits.push((fit.overlap - 1.0, object.id, at, fit));
             }
         }
     }
@@ -136,16 +138,6 @@ pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &Association
         }
     }
     object_of
-}
-
-/// The object that last had the view's video number, if that is not too long ago; of several the one with the smaller id.
-fn owner_of_track(graph: &SceneGraph, view: &View, config: &AssociationConfig) -> Option<ObjectId> {
-    let track = view.track?;
-    let last_ns = |memory: &ObjectMemory| memory.tracks.get(&track).copied();
-    let seen = graph.memory.iter().filter_map(|(id, memory)| Some((last_ns(memory)?, *id)));
-    let (last_ns, id) = seen.min_by_key(|(last_ns, id)| (std::cmp::Reverse(*last_ns), *id))?;
-    let age_s = (view.stamp_ns - last_ns) as f64 * 1e-9;
-    (age_s < config.track_s).then_some(id)
 }
 
 fn is_same_thing(fit: &Fit, config: &AssociationConfig) -> bool {
@@ -182,7 +174,10 @@ fn fit(view: &View, object: &Object, memory: &ObjectMemory, config: &Association
         likeness: likeness(&view.labels, object),
         size_ratio: (a.min(b) + 0.02) / (a.max(b) + 0.02),
         is_stale: age_s > 10.0,
-        is_tracked: false,
+        is_tracked: view.track.and_then(|number| memory.tracks.get(&number)).is_some_and(|track| {
+            let age_s = (view.stamp_ns - track.last_seen_ns) as f64 * 1e-9;
+            track.run >= config.track_run && age_s < config.track_s
+        }),
     }
 }
 

@@ -51,8 +51,17 @@ pub struct ObjectMemory {
     /// Looks at its place since it was last seen, and those that went through it.
     pub(crate) looks: u32,
     pub(crate) looks_through: u32,
-    /// Video numbers under which it was seen, and when last.
-    pub(crate) tracks: BTreeMap<u64, i64>,
+    /// Video numbers that are its own at present.
+    pub(crate) tracks: BTreeMap<u64, Track>,
+}
+
+/// How well a video number is known to be an object's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Track {
+    /// When it was last found there by place and name.
+    pub last_seen_ns: i64,
+    /// How often in a row, without having been anything else in between.
+    pub run: u32,
 }
 
 /// One voxel of an object.
@@ -114,13 +123,14 @@ impl ObjectMemory {
     }
 
     /// It was seen under a video number; of too many the oldest is forgotten.
-    pub(crate) fn remember_track(&mut self, track: u64, stamp_ns: i64) {
-        let last_ns = self.tracks.entry(track).or_insert(stamp_ns);
-        *last_ns = stamp_ns.max(*last_ns);
+    pub(crate) fn remember_track(&mut self, number: u64, seen: Track) {
+        let track = self.tracks.entry(number).or_insert(Track { last_seen_ns: seen.last_seen_ns, run: 0 });
+        track.last_seen_ns = track.last_seen_ns.max(seen.last_seen_ns);
+        track.run = track.run.saturating_add(seen.run);
         while self.tracks.len() > MAX_TRACKS {
-            let oldest =
-                self.tracks.iter().min_by_key(|(track, last_ns)| (**last_ns, **track)).map(|(track, _)| *track);
-            oldest.and_then(|track| self.tracks.remove(&track));
+            let oldest = self.tracks.iter().min_by_key(|(number, track)| (track.last_seen_ns, **number));
+            let oldest = oldest.map(|(number, _)| *number);
+            oldest.and_then(|number| self.tracks.remove(&number));
         }
     }
 
@@ -198,8 +208,8 @@ impl ObjectMemory {
         for (id, count) in other.apart {
             *self.apart.entry(id).or_insert(0) += count;
         }
-        for (track, last_ns) in other.tracks {
-            self.remember_track(track, last_ns);
+        for (number, track) in other.tracks {
+            self.remember_track(number, track);
         }
         self.looks = 0;
         self.looks_through = 0;

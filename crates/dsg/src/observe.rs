@@ -11,7 +11,7 @@ use crate::associate::{View, associate};
 use crate::attributes::attributes_of;
 use crate::graph::SceneGraph;
 use crate::ids::ObjectId;
-use crate::memory::{ObjectMemory, drift_m};
+use crate::memory::{ObjectMemory, Track, drift_m};
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::vote::{add_votes, winner};
@@ -46,10 +46,12 @@ pub struct AssociationConfig {
     pub overlap: f64,
     /// The same where the labels have nothing in common: same place and size, whatever it is called. Default 0.6.
     pub blind_overlap: f64,
-    /// How long a video number speaks for the object that last had it, without a match by place and name. Default 0: the
-    /// numbers are ignored, for the laws in `tests/tracks.rs` do not all hold yet; 3 s is meant. Trackers switch and swap numbers, so they never make two objects of one; they only widen
-    /// the gates for the view that carries the number of an object it lies on.
+    /// How long a video number speaks for its object without a match by place and name. Default 3 s; 0 ignores numbers.
+    /// Trackers switch and swap numbers, so numbers never tell two objects apart: they break ties, and they widen the
+    /// gates for a view that place and name put nowhere and that lies on the object whose number it carries.
     pub track_s: f64,
+    /// Matches by place and name in a row that make a number an object's. Default 3.
+    pub track_run: u32,
     /// Share of a view's points on the object of its video number that makes it a view of that object whatever it is
     /// called. Default 0.4.
     pub track_overlap: f64,
@@ -76,7 +78,8 @@ impl Default for AssociationConfig {
             min_score: 0.05,
             overlap: 0.3,
             blind_overlap: 0.6,
-            track_s: 0.0,
+            track_s: 3.0,
+            track_run: 3,
             track_overlap: 0.4,
             reach_m: 0.06,
             center_gate_m: 0.06,
@@ -161,6 +164,7 @@ pub fn observe_objects(
     // Fold the views into the objects.
     let mut touched: BTreeMap<ObjectId, Object> = BTreeMap::new();
     let mut next_id = graph.next_object_id();
+    let mut seen_tracks: Vec<(u64, ObjectId, i64)> = Vec::new();
     for (view, known) in views.iter().zip(&assigned) {
         let id = known.map_or(next_id, |known| known.object);
         if known.is_none() {
@@ -175,10 +179,11 @@ pub fn observe_objects(
             && known.is_none_or(|known| !known.is_by_track)
         {
             // A match that rests on the number says nothing about the number.
-            memory.remember_track(track, view.stamp_ns);
+            seen_tracks.push((track, id, view.stamp_ns));
         }
         report.object_of[view.index] = Some(id);
     }
+    own_tracks(graph, &seen_tracks);
     for object in touched.values_mut() {
         object.place = graph.place_nearest(&object.centroid).map(|place| place.id);
         object.room = object.room.or_else(|| object.place.and_then(|place| graph.place(place)).and_then(|p| p.room));
@@ -197,6 +202,21 @@ pub fn observe_objects(
     report.created.retain(|id| graph.object(*id).is_some());
     report.revision = graph.revision();
     Ok(report)
+}
+
+/// A number belongs to the object that was last seen under it, and to no other; one that two objects had in this frame
+/// belongs to none.
+fn own_tracks(graph: &mut SceneGraph, seen: &[(u64, ObjectId, i64)]) {
+    for &(number, id, stamp_ns) in seen {
+        let is_shared = seen.iter().any(|other| other.0 == number && other.1 != id);
+        for (other, memory) in &mut graph.memory {
+            if *other == id && !is_shared {
+                memory.remember_track(number, Track { last_seen_ns: stamp_ns, run: 1 });
+            } else {
+                memory.tracks.remove(&number);
+            }
+        }
+    }
 }
 
 /// Gives a memory to every object near a view that has none, and drops memories of objects that are gone.
