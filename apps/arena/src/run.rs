@@ -251,7 +251,7 @@ pub fn run(
     }
 
     let end_s = simulation.seconds();
-    let unused = mission.world.ignored.sentences();
+    let unused = mission.unused();
     mission.journal.notes.extend(unused.into_iter().map(|sentence| (end_s, sentence)));
     truth.truth_from_map *= mission.world.frame().map_from_odometry.inverse();
 

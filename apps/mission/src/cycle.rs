@@ -1,7 +1,7 @@
 //! One cycle of the closed loop, in the order of the paper's system figure: perceive, abstract, reason, verify, plan, move.
 
 use nalgebra::{Point2, Point3, Vector3};
-use omni_perception::Stamp;
+use omni_perception::{Stamp, TrackingStatus};
 
 use crate::body::Body;
 use crate::goal::{Goal, GoalStatus};
@@ -47,16 +47,18 @@ impl Mission {
 
         // 3. Reason (III-C): an answer that is due is verified at the present graph and becomes the goal; a new question
         //    is asked when the last goal is done, has failed, or something that matters was seen. Nobody waits.
-        if self.outcome.is_none() && !self.is_lost() && self.body.is_ready() && t_s >= self.config.first_look_s {
+        let has_pose = odometry.status != TrackingStatus::Lost;
+        let can_think = has_pose && !self.is_lost() && self.body.is_ready() && t_s >= self.config.first_look_s;
+        if self.outcome.is_none() && can_think {
             self.take_answer(t_s);
             if self.outcome.is_none() && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }
 
-        // 4. Move: the body follows its goal on certified or checked ways only.
+        // 4. Move: the body follows its goal on certified or checked ways only, and stands while it has lost its way.
         let command = match (&self.outcome, self.is_interrupted) {
-            (None, false) => self.drive(),
+            (None, false) if has_pose => self.drive(),
             _ => self.hold(),
         };
         self.sample_curves(t_s);

@@ -38,6 +38,7 @@ pub mod recording;
 pub mod relation_verifier;
 pub mod rig;
 pub mod rooms;
+pub mod scan_queue;
 pub mod segmentation_files;
 pub mod segmenter;
 pub mod segmenter_folder;

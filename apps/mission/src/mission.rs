@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
-use omni_perception::{Equirectangular, OdometryEstimate, Stamp};
+use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
@@ -147,6 +147,13 @@ impl Mission {
         self.odometer.as_ref().and_then(Odometer::newest)
     }
 
+    /// What the sensors said that could not be used, one sentence each; nothing where all was.
+    pub fn unused(&self) -> Vec<String> {
+        let mut sentences = self.odometer.as_ref().map(|odometer| odometer.refused.sentences()).unwrap_or_default();
+        sentences.extend(self.world.ignored.sentences());
+        sentences
+    }
+
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.
     pub fn phrases(&self) -> Vec<String> {
         self.instruction.nouns()
@@ -189,6 +196,9 @@ impl Mission {
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
+            None if self.world.odometry.is_some_and(|odometry| odometry.status == TrackingStatus::Lost) => {
+                "standing still: the odometry has lost its way".into()
+            }
             None if !self.body.is_ready() => "getting ready".into(),
             None => self.target.describe(&self.world.graph),
         }

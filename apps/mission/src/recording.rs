@@ -97,6 +97,18 @@ pub enum RecordingError {
     Bag(#[from] BagError),
 }
 
+impl RecordingError {
+    /// What an item that could not be used is counted as.
+    pub fn loss(&self) -> &'static str {
+        match self {
+            RecordingError::Line { .. } => "lines_unreadable",
+            RecordingError::Scan { .. } => "scans_unreadable",
+            RecordingError::Bag(error) => error.loss(),
+            _ => "files_unreadable",
+        }
+    }
+}
+
 /// Opens whatever lies at `path`.
 ///
 /// # Errors

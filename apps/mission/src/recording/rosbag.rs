@@ -31,7 +31,7 @@ use nalgebra::{Isometry3, Vector3};
 use omni_perception::{EncoderSample, ImuSample, MaskedPanorama, RgbImage, Stamp};
 
 use self::clock_guard::ClockGuard;
-use self::error::BagError;
+use self::error::{BagError, Sensor};
 use self::mcap_stream::{McapStream, Message, StreamFaults};
 use self::ros_messages::{CompressedImage, Imu, JointState, PointCloud2, decode};
 use self::survey::{Chosen, Survey};
@@ -224,10 +224,10 @@ impl BagEvents {
         let encoder = chosen.encoder.as_ref().map_or("", |(topic, _, _)| topic.as_str());
         let image = chosen.image.as_ref().map_or("", |(topic, _)| topic.as_str());
         BagEvents {
-            points: ClockGuard::new(&chosen.points),
-            imu: ClockGuard::new(&chosen.imu),
-            encoder: ClockGuard::new(encoder),
-            image: ClockGuard::new(image),
+            points: ClockGuard::new(Sensor::Points, &chosen.points),
+            imu: ClockGuard::new(Sensor::Imu, &chosen.imu),
+            encoder: ClockGuard::new(Sensor::Encoder, encoder),
+            image: ClockGuard::new(Sensor::Image, image),
             stream,
             are_images_needed,
             chosen,
@@ -308,9 +308,9 @@ impl Iterator for BagEvents {
     }
 }
 
-fn payload_error(message: &Message<'_>) -> impl Fn(ros_messages::CdrError) -> BagError {
+fn payload_error(sensor: Sensor, message: &Message<'_>) -> impl Fn(ros_messages::CdrError) -> BagError {
     let topic = message.channel.topic.clone();
-    move |source| BagError::Message { topic: topic.clone(), source }
+    move |source| BagError::Message { sensor, topic: topic.clone(), source }
 }
 
 fn read_imu(
@@ -319,7 +319,7 @@ fn read_imu(
     guard: &mut ClockGuard,
     sorter: &mut Sorter,
 ) -> Result<(), BagError> {
-    let imu = decode::<Imu>(message.payload).map_err(payload_error(message))?;
+    let imu = decode::<Imu>(message.payload).map_err(payload_error(Sensor::Imu, message))?;
     let vector = |v: &ros_messages::Vector3| Vector3::new(v.x, v.y, v.z);
     let stamp = imu.header.stamp.stamp();
     let sample = ImuSample {
@@ -337,7 +337,7 @@ fn read_encoder(
     guard: &mut ClockGuard,
     sorter: &mut Sorter,
 ) -> Result<(), BagError> {
-    let state = decode::<JointState>(message.payload).map_err(payload_error(message))?;
+    let state = decode::<JointState>(message.payload).map_err(payload_error(Sensor::Encoder, message))?;
     let joint = chosen.encoder.as_ref().map_or("", |(_, _, joint)| joint.as_str());
     let index = if joint.is_empty() { Some(0) } else { state.name.iter().position(|name| name == joint) };
     // Several nodes may publish on the topic, each its own joints.
@@ -353,7 +353,7 @@ fn read_scan(
     guard: &mut ClockGuard,
     sorter: &mut Sorter,
 ) -> Result<(), BagError> {
-    let cloud = decode::<PointCloud2<'_>>(message.payload).map_err(payload_error(message))?;
+    let cloud = decode::<PointCloud2<'_>>(message.payload).map_err(payload_error(Sensor::Points, message))?;
     let (topic, stamp) = (&message.channel.topic, cloud.header.stamp.stamp());
     let (scan, count) = point_cloud::scan_of(&cloud, chosen.times.as_ref()).map_err(|fault| BagError::Cloud {
         topic: topic.clone(),
@@ -368,7 +368,7 @@ fn read_scan(
 }
 
 fn read_image(message: &Message<'_>, guard: &mut ClockGuard, sorter: &mut Sorter) -> Result<(), BagError> {
-    let file = decode::<CompressedImage<'_>>(message.payload).map_err(payload_error(message))?;
+    let file = decode::<CompressedImage<'_>>(message.payload).map_err(payload_error(Sensor::Image, message))?;
     let stamp = file.header.stamp.stamp();
     let Some(image) = decode_image(file.data) else {
         return Err(BagError::Image { topic: message.channel.topic.clone(), stamp, format: file.format });

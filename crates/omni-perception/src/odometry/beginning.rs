@@ -31,13 +31,27 @@ impl LidarInertialOdometry {
         mount: RotatingMount,
         body_from_imu: Isometry3<f64>,
     ) -> Result<LidarInertialOdometry, LioConfigError> {
-        let map =
-            VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.max_plane_thickness_m);
-        LidarInertialOdometry::with_map(config, mount, body_from_imu, map, None)
+        LidarInertialOdometry::starting_at(config, mount, body_from_imu, &Isometry3::identity())
     }
 
-    /// An odometry that continues in a map, with the body at `start` (by default in the map's origin). Only position
-    /// and heading of `start` count: roll and pitch are felt.
+    /// An odometry that begins with an empty map and the body at `start`. Only position and heading of `start` count: roll
+    /// and pitch are felt.
+    ///
+    /// # Errors
+    /// [`LioConfigError`] if the settings or the rig are not sound.
+    pub fn starting_at(
+        config: LioConfig,
+        mount: RotatingMount,
+        body_from_imu: Isometry3<f64>,
+        start: &Isometry3<f64>,
+    ) -> Result<LidarInertialOdometry, LioConfigError> {
+        let map =
+            VoxelMap::new(config.cell_m, config.max_map_voxels, config.points_per_cell, config.max_plane_thickness_m);
+        LidarInertialOdometry::with_map(config, mount, body_from_imu, map, Some(*start))
+    }
+
+    /// An odometry that continues in a map, with the body at `start` (by default in the map's origin), as in
+    /// [`starting_at`](Self::starting_at).
     ///
     /// # Errors
     /// [`LioConfigError`] if the settings or the rig are not sound.

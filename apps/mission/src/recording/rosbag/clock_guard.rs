@@ -5,7 +5,7 @@
 
 use omni_perception::Stamp;
 
-use super::error::BagError;
+use super::error::{BagError, Sensor};
 use crate::recording::RecordingError;
 use crate::stream::SensorEvent;
 
@@ -19,6 +19,7 @@ const RESET_MESSAGES: u32 = 3;
 /// The state of one topic.
 #[derive(Debug)]
 pub(super) struct ClockGuard {
+    sensor: Sensor,
     topic: String,
     last: Option<Stamp>,
     waiting: Option<(Stamp, SensorEvent)>,
@@ -27,8 +28,8 @@ pub(super) struct ClockGuard {
 }
 
 impl ClockGuard {
-    pub(super) fn new(topic: &str) -> ClockGuard {
-        ClockGuard { topic: topic.to_owned(), last: None, waiting: None, back: None }
+    pub(super) fn new(sensor: Sensor, topic: &str) -> ClockGuard {
+        ClockGuard { sensor, topic: topic.to_owned(), last: None, waiting: None, back: None }
     }
 
     /// Takes an event with the stamp of its message's header; what may be passed on goes to `out`.
@@ -43,8 +44,8 @@ impl ClockGuard {
                 self.last = Some(ahead);
                 out(Ok(waiting));
             } else {
-                let topic = self.topic.clone();
-                out(Err(BagError::Ahead { topic, stamp: ahead, last, next: stamp }.into()));
+                let (sensor, topic) = (self.sensor, self.topic.clone());
+                out(Err(BagError::Ahead { sensor, topic, stamp: ahead, last, next: stamp }.into()));
             }
         }
         let Some(last) = self.last else {
@@ -53,16 +54,16 @@ impl ClockGuard {
         };
         let step_s = stamp.seconds_since(last);
         if stamp <= last {
-            let topic = self.topic.clone();
+            let (sensor, topic) = (self.sensor, self.topic.clone());
             let in_a_row = match self.back {
                 Some((back, count)) if stamp > back => count + 1,
                 _ => 1,
             };
             self.back = Some((stamp, in_a_row));
             let error = if -step_s > RESET_S && in_a_row >= RESET_MESSAGES {
-                BagError::ClockReset { topic, stamp, last }
+                BagError::ClockReset { sensor, topic, stamp, last }
             } else {
-                BagError::NotLater { topic, stamp, last }
+                BagError::NotLater { sensor, topic, stamp, last }
             };
             return out(Err(error.into()));
         }
@@ -88,7 +89,7 @@ mod tests {
 
     /// What becomes of stamps in milliseconds: those passed on, then the faults by word.
     fn check(stamps_ms: &[i64], expected_ms: &[i64], expected_faults: &[&str]) {
-        let mut guard = ClockGuard::new("/joint_states");
+        let mut guard = ClockGuard::new(Sensor::Encoder, "/joint_states");
         let (mut passed, mut faults) = (Vec::new(), Vec::new());
         for ms in stamps_ms {
             let stamp = Stamp(ms * 1_000_000);

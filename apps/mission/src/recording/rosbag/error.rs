@@ -124,6 +124,8 @@ pub enum BagError {
     /// A payload does not decode. The message is passed over.
     #[error("a message on {topic}: {source}")]
     Message {
+        /// Whose message it is.
+        sensor: Sensor,
         /// The topic.
         topic: String,
         /// Why.
@@ -154,6 +156,8 @@ pub enum BagError {
     /// A stamp that is not later than the one before on the same topic. The message is passed over.
     #[error("{topic} goes back from {last} to {stamp}")]
     NotLater {
+        /// Whose message it is.
+        sensor: Sensor,
         /// The topic.
         topic: String,
         /// The stamp.
@@ -164,6 +168,8 @@ pub enum BagError {
     /// A single stamp far ahead of its neighbours. The message is passed over.
     #[error("{topic} has the stamp {stamp} between {last} and {next}")]
     Ahead {
+        /// Whose message it is.
+        sensor: Sensor,
         /// The topic.
         topic: String,
         /// The stamp.
@@ -178,6 +184,8 @@ pub enum BagError {
         "the clock of {topic} was set back from {last} to {stamp}; one trajectory cannot hold both: cut the bag there"
     )]
     ClockReset {
+        /// Whose message it is.
+        sensor: Sensor,
         /// The topic.
         topic: String,
         /// The stamp.
@@ -204,6 +212,51 @@ pub enum BagError {
     /// A message of a channel that the file never described.
     #[error("a message belongs to a channel that the bag never describes")]
     UnknownChannel,
+}
+
+/// Who speaks on a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sensor {
+    /// Scans.
+    Points,
+    /// The IMU.
+    Imu,
+    /// The motor's encoder.
+    Encoder,
+    /// The camera.
+    Image,
+}
+
+impl BagError {
+    /// What a message that could not be used is counted as.
+    pub fn loss(&self) -> &'static str {
+        match self {
+            BagError::Message { sensor, .. } => match sensor {
+                Sensor::Points => "scans_unreadable",
+                Sensor::Imu => "imu_unreadable",
+                Sensor::Encoder => "encoder_unreadable",
+                Sensor::Image => "images_unreadable",
+            },
+            BagError::NotLater { sensor, .. } | BagError::ClockReset { sensor, .. } => match sensor {
+                Sensor::Points => "scans_not_later",
+                Sensor::Imu => "imu_not_later",
+                Sensor::Encoder => "encoder_not_later",
+                Sensor::Image => "images_not_later",
+            },
+            BagError::Ahead { sensor, .. } => match sensor {
+                Sensor::Points => "scans_jump_ahead",
+                Sensor::Imu => "imu_jumps_ahead",
+                Sensor::Encoder => "encoder_jumps_ahead",
+                Sensor::Image => "images_jump_ahead",
+            },
+            BagError::Cloud { .. } => "scans_unreadable",
+            BagError::PointsWithoutTime { .. } => "points_without_time",
+            BagError::Image { .. } => "images_unreadable",
+            BagError::BrokenChunk => "chunks_broken",
+            BagError::Truncated => "files_truncated",
+            _ => "messages_unreadable",
+        }
+    }
 }
 
 /// What is wrong with a cloud.
