@@ -14,7 +14,7 @@ use mission::robot_model::RobotModel;
 use mission::stage_clock::CpuScope;
 use mission::volumetric_map::{Cell, Volume};
 use nalgebra::{Isometry3, Point3, Vector3};
-use omni_sim::building::{Building, ObjectTruth};
+use omni_sim::building::ObjectTruth;
 use omni_sim::lidar::RotatingMount;
 use serde::Serialize;
 
@@ -45,8 +45,19 @@ pub struct Coverage {
     pub objects: f64,
 }
 
+/// When a thing was known for good.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct KnownThing {
+    /// Its class.
+    pub class: String,
+    /// With the turning LiDAR, seconds; none if it was not known at the end.
+    pub rotating_s: Option<f64>,
+    /// With the fixed one.
+    pub fixed_s: Option<f64>,
+}
+
 /// Both mounts in one building.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct SeedCoverage {
     /// Seed of the building and of the noise.
     pub seed: u64,
@@ -56,6 +67,8 @@ pub struct SeedCoverage {
     pub rotating: Coverage,
     /// Held still.
     pub fixed: Coverage,
+    /// Seconds until each true object was known.
+    pub known: Vec<KnownThing>,
 }
 
 /// A figure for each mount.
@@ -112,9 +125,16 @@ pub fn bench_coverage(
         .enumerate()
         .map(|(index, pair)| SeedCoverage {
             seed: first_seed + index as u64,
-            path_m: pair[0].1,
-            rotating: pair[0].0,
-            fixed: pair[1].0,
+            path_m: pair[0].path_m,
+            rotating: pair[0].coverage,
+            fixed: pair[1].coverage,
+            known: std::iter::zip(&pair[0].known, &pair[1].known)
+                .map(|((class, rotating_s), (_, fixed_s))| KnownThing {
+                    class: class.clone(),
+                    rotating_s: *rotating_s,
+                    fixed_s: *fixed_s,
+                })
+                .collect(),
         })
         .collect();
     let both = |of: fn(&[f64]) -> f64| BothMounts {
@@ -124,8 +144,15 @@ pub fn bench_coverage(
     Ok(BenchCoverage { mean: both(mean), std: both(standard_deviation), seeds })
 }
 
-/// One building with one mount, and the length of its way.
-fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<(Coverage, f64)> {
+/// One building with one mount.
+struct Survey {
+    coverage: Coverage,
+    path_m: f64,
+    /// Every true object: its class, and when it was known for good.
+    known: Vec<(String, Option<f64>)>,
+}
+
+fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Survey> {
     let scene = Scene::drawn(seed, robot)?;
     let body = robot_truth(robot, config.mission.flight_height_m);
     let radius_m = body.radius_m;
@@ -141,35 +168,50 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<(Cove
         Moment::Scan(scan) => directions.see(scan),
         Moment::Refreshed(world, frame) => {
             truth_from_map = frame;
-            for (truth, known) in matches(&scene.building, &world.graph, &frame).into_iter().zip(&mut first_known) {
+            for (truth, known) in
+                matches(&scene.building.objects, &world.graph, &frame).into_iter().zip(&mut first_known)
+            {
                 *known = if truth.is_some() { known.or(Some(now_s)) } else { None };
             }
         }
     })?;
-    let matched = matches(&scene.building, &world.graph, &truth_from_map);
-    let right = matched.iter().flatten().count() as f64;
-    let (known, there) = (world.graph.confirmed_objects().count() as f64, matched.len() as f64);
-    let (precision, recall) = (right / known.max(1.0), right / there.max(1.0));
+    let score = Score::of(&scene.building.objects, &world.graph, &truth_from_map);
     let eye_m = robot.stance_height_m + robot.sensors.body_from_lidar_stator.translation.vector.z;
     let surface = visible_surface(&scene, &tour, referee.floor().floor_z_m + eye_m);
     let coverage = Coverage {
-        precision,
-        recall,
-        f1: 2.0 * right / (known + there).max(1.0),
+        precision: score.right / score.known.max(1.0),
+        recall: score.right / score.there.max(1.0),
+        f1: 2.0 * score.right / (score.known + score.there).max(1.0),
         solid_angle_fraction: directions.mean_fraction(),
         map_recall: mapped_fraction(&surface, &world.volume, &truth_from_map),
-        known_after_s: median(first_known.into_iter().flatten().collect()),
-        objects: right,
+        known_after_s: median(first_known.iter().flatten().copied().collect()),
+        objects: score.right,
     };
-    Ok((coverage, tour.length_m))
+    let classes = scene.building.objects.iter().map(|object| object.class.clone());
+    Ok(Survey { coverage, path_m: tour.length_m, known: classes.zip(first_known).collect() })
+}
+
+/// Objects known, there, and both.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Score {
+    right: f64,
+    known: f64,
+    there: f64,
+}
+
+impl Score {
+    fn of(objects: &[ObjectTruth], graph: &SceneGraph, truth_from_map: &Isometry3<f64>) -> Score {
+        let right = matches(objects, graph, truth_from_map).iter().flatten().count() as f64;
+        Score { right, known: graph.confirmed_objects().count() as f64, there: objects.len() as f64 }
+    }
 }
 
 /// For each true object the confirmed object of the graph that is it: same class, near enough, nearest pairs first.
-fn matches(building: &Building, graph: &SceneGraph, truth_from_map: &Isometry3<f64>) -> Vec<Option<usize>> {
+fn matches(objects: &[ObjectTruth], graph: &SceneGraph, truth_from_map: &Isometry3<f64>) -> Vec<Option<usize>> {
     let known: Vec<(String, Point3<f64>)> =
         graph.confirmed_objects().map(|object| (object.label.clone(), truth_from_map * object.centroid)).collect();
     let mut pairs = Vec::new();
-    for (truth, object) in building.objects.iter().enumerate() {
+    for (truth, object) in objects.iter().enumerate() {
         for (index, (label, at)) in known.iter().enumerate() {
             let distance_m = (at - object.bounds.center()).norm();
             if *label == object.class && distance_m <= reach_m(object) {
@@ -178,7 +220,7 @@ fn matches(building: &Building, graph: &SceneGraph, truth_from_map: &Isometry3<f
         }
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut matched = vec![None; building.objects.len()];
+    let mut matched = vec![None; objects.len()];
     let mut taken = BTreeSet::new();
     for (_, truth, index) in pairs {
         if matched[truth].is_none() && taken.insert(index) {
@@ -312,4 +354,96 @@ fn standard_deviation(values: &[f64]) -> f64 {
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mission::dsg::{Aabb, Object, ObjectId, Op};
+    use omni_sim::building::Building;
+
+    /// The first few things of a flat.
+    fn things() -> Vec<ObjectTruth> {
+        let mut building: Building =
+            crate::scenario::Scene::open("flat", &RobotModel::builtin_quadruped()).expect("it exists").building;
+        building.objects.truncate(4);
+        building.objects
+    }
+
+    fn graph_of(known: &[(&str, Point3<f64>)]) -> SceneGraph {
+        let mut graph = SceneGraph::new();
+        for (index, (label, at)) in known.iter().enumerate() {
+            let bounds = Aabb { min: at - Vector3::repeat(0.1), max: at + Vector3::repeat(0.1) };
+            let object = Object { confirmed: true, ..Object::new(ObjectId(index as u64), *label, bounds) };
+            graph.apply(Op::PutObject(Box::new(object))).expect("sound");
+        }
+        graph
+    }
+
+    #[test]
+    fn a_duplicate_is_one_right_and_one_wrong() {
+        let things = things();
+        let at = |k: usize| things[k].bounds.center();
+        let class = |k: usize| things[k].class.as_str();
+        let score = |known: &[(&str, Point3<f64>)]| Score::of(&things, &graph_of(known), &Isometry3::identity());
+        let all: Vec<_> = (0..4).map(|k| (class(k), at(k))).collect();
+        assert_eq!(score(&all), Score { right: 4.0, known: 4.0, there: 4.0 });
+        let twice = [(class(0), at(0)), (class(0), at(0) + Vector3::x() * 0.05)];
+        assert_eq!(score(&twice), Score { right: 1.0, known: 2.0, there: 4.0 });
+        // Another name, or another place.
+        assert_eq!(score(&[("unicorn", at(0)), (class(1), at(1) + Vector3::z() * 9.0)]).right, 0.0);
+        assert_eq!(score(&[]), Score { right: 0.0, known: 0.0, there: 4.0 });
+    }
+
+    #[test]
+    fn the_promised_keys() {
+        let figures = [
+            Coverage { f1: 0.5, known_after_s: f64::NAN, ..Coverage::default() },
+            Coverage { f1: 0.7, ..Coverage::default() },
+        ];
+        let known = vec![KnownThing { class: "mug".into(), rotating_s: Some(3.0), fixed_s: None }];
+        let seeds: Vec<SeedCoverage> =
+            figures.map(|rotating| SeedCoverage { rotating, known: known.clone(), ..SeedCoverage::default() }).into();
+        let both = |of: fn(&[f64]) -> f64| BothMounts { rotating: summarise(&figures, of), fixed: Coverage::default() };
+        let bench = BenchCoverage { mean: both(mean), std: both(standard_deviation), seeds };
+        let value = serde_json::to_value(&bench).expect("it serialises");
+        let keys =
+            |value: &serde_json::Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>();
+        assert_eq!(keys(&value), ["mean", "seeds", "std"]);
+        assert_eq!(keys(&value["seeds"][0]), ["fixed", "known", "path_m", "rotating", "seed"]);
+        let of_mount = ["f1", "known_after_s", "map_recall", "objects", "precision", "recall", "solid_angle_fraction"];
+        for place in [&value["seeds"][1]["rotating"], &value["mean"]["fixed"], &value["std"]["rotating"]] {
+            assert_eq!(keys(place), of_mount);
+        }
+        assert!((value["mean"]["rotating"]["f1"].as_f64().unwrap() - 0.6).abs() < 1e-12);
+        assert!((value["std"]["rotating"]["f1"].as_f64().unwrap() - 0.02_f64.sqrt()).abs() < 1e-12);
+        assert!(value["seeds"][0]["rotating"]["known_after_s"].is_null(), "nothing was known");
+        assert_eq!(value["seeds"][0]["known"][0]["rotating_s"], 3.0);
+    }
+
+    #[test]
+    fn a_turning_sensor_sees_more_directions_than_a_still_one() {
+        let robot = RobotModel::builtin_quadruped();
+        let seen = |robot: &RobotModel| {
+            let mut directions = Directions::new(robot);
+            for scan in 0..Directions::SCANS as i64 {
+                let points = (0..32_u32 * 360).map(|k| {
+                    let (azimuth, elevation) =
+                        (f64::from(k / 32).to_radians(), (f64::from(k % 32) * 45.0 / 31.0 - 22.5).to_radians());
+                    let (sin, cos) = azimuth.sin_cos();
+                    mission::omni_perception::RawPoint {
+                        position: Point3::new(cos * elevation.cos(), sin * elevation.cos(), elevation.sin()).cast(),
+                        offset_ns: k / 32 * 277_777,
+                        ring: 0,
+                    }
+                });
+                let start = mission::omni_perception::Stamp(scan * 100_000_000);
+                directions.see(&RawScan { start, points: points.collect() });
+            }
+            directions.mean_fraction()
+        };
+        let (rotating, fixed) = (seen(&robot), seen(&with_fixed_lidar(&robot)));
+        // A band of 45 degrees is sin(22.5 degrees) of the sphere.
+        assert!((fixed - 0.38).abs() < 0.03 && rotating > 0.8, "{fixed} {rotating}");
+    }
 }

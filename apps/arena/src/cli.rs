@@ -149,9 +149,22 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
     Ok(robot)
 }
 
-/// One line: when, what, how much is known, how far to go.
-/// The rig of a file, or one that ships with the program; files win over names.
+/// The rig of a file, or one that ships with the program, if the simulator can play it.
+///
+/// # Errors
+/// A sentence that says what is wrong with the file, or with playing it.
 pub fn load_rig(rig: &std::path::Path, robot: &RobotModel) -> Result<Rig> {
+    let parsed = read_rig(rig, Some(robot))?;
+    crate::surround::check(&parsed).with_context(|| format!("simulating the rig {}", rig.display()))?;
+    Ok(parsed)
+}
+
+/// The rig of a file, or one that ships with the program; files win over names. Without a robot its poses are relative to
+/// the body.
+///
+/// # Errors
+/// A sentence that says what is wrong with the file.
+pub fn read_rig(rig: &std::path::Path, robot: Option<&RobotModel>) -> Result<Rig> {
     let folder = rig.parent().unwrap_or(std::path::Path::new("."));
     let read_file = |name: &str| std::fs::read_to_string(folder.join(name));
     let shipped = rig.to_str().and_then(builtin_rig).filter(|_| !rig.exists());
@@ -162,12 +175,10 @@ pub fn load_rig(rig: &std::path::Path, robot: &RobotModel) -> Result<Rig> {
             format!("reading the rig {} ({} need no file)", rig.display(), names.join(", "))
         })?,
     };
-    let parsed = Rig::parse(&text, Some(robot), &read_file);
-    let parsed = parsed.with_context(|| format!("reading the rig {}", rig.display()))?;
-    crate::surround::check(&parsed).with_context(|| format!("simulating the rig {}", rig.display()))?;
-    Ok(parsed)
+    Rig::parse(&text, robot, &read_file).with_context(|| format!("reading the rig {}", rig.display()))
 }
 
+/// One line: when, what, how much is known, how far to go.
 fn show(view: &ProgressView, progress: &Progress) {
     let line = format!(
         "t {:5.1} s | {} | {} rooms, {} objects | {} decisions | {:.1} m to go",

@@ -55,8 +55,6 @@ pub struct Entry {
     pub building: u64,
     /// Robot.
     pub robot: RobotKind,
-    /// Whether the LiDAR stands still.
-    pub is_lidar_fixed: bool,
     /// Seed of start pose, noise and tasks.
     pub seed: u64,
 }
@@ -89,7 +87,6 @@ pub fn draw_dataset(count: usize, seed: u64) -> Vec<Entry> {
             },
             building,
             robot: if matches!(number % 5, 2 | 4) { RobotKind::Aerial } else { RobotKind::Ground },
-            is_lidar_fixed: false,
             seed: recording_seed,
         });
     }
@@ -145,9 +142,19 @@ fn kept(path: &Path, entry: &Entry, config: &RecordConfig) -> Result<Option<Valu
     let Ok(text) = fs::read_to_string(&mark) else { return Ok(None) };
     let description: Value = serde_json::from_str(&text)
         .with_context(|| format!("reading {}, which an earlier run left", mark.display()))?;
+    let lidar = if config.simulation.is_lidar_fixed { "fixed" } else { "rotating" };
+    let duration_s = description["duration_s"].as_f64().unwrap_or(f64::NAN);
+    let is_cut = description["is_cut"] == json!(true);
+    // As long as it would be made now: whole and not too long, or cut there.
+    let has_length = match config.max_time_s {
+        Some(max_s) if is_cut => (duration_s - max_s).abs() < 0.2,
+        Some(max_s) => duration_s <= max_s,
+        None => !is_cut,
+    };
     let is_same = description["seed"] == json!(entry.seed)
         && description["scene"] == json!(entry.building.to_string())
-        && (description["is_cut"] == json!(config.max_time_s.is_some()) || description["is_cut"] == json!(false));
+        && description["lidar"] == json!(lidar)
+        && has_length;
     Ok(is_same.then_some(description))
 }
 

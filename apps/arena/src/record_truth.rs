@@ -34,13 +34,18 @@ pub fn masks_json(panorama: &MaskedPanorama, date: Stamp, size: (u32, u32)) -> V
 }
 
 fn annotation(mask: &Mask) -> Value {
-    json!({
+    let mut annotation = json!({
         "class_name": mask.label,
         "caption": mask.caption,
         "bbox": box_of(&mask.rle),
         "segmentation": segmentation(&mask.rle),
         "score": mask.score,
-    })
+    });
+    // A tracker's number: it is switched and swapped now and then, and no truth.
+    if let Some(track) = mask.track {
+        annotation["object_id"] = track.into();
+    }
+    annotation
 }
 
 /// `truth/masks/STAMP.json`: the pixels of each thing, with its number in `truth/objects.json`.

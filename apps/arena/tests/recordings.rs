@@ -16,6 +16,8 @@ use arena::mission::recording::rosbag::mcap_stream::McapStream;
 use arena::mission::recording::rosbag::ros_messages::{Imu, PointCloud2, RosMessage, decode};
 use arena::mission::recording::rosbag::writer::BAG_FILE;
 use arena::mission::robot_model::RobotKind;
+use arena::mission::segmented::segmented;
+use arena::mission::segmenter_folder::FolderSegmenter;
 use arena::mission::stage_clock::{CpuScope, StageClock};
 use arena::mission::stream::SensorEvent;
 use arena::pilot::{Pilot, PilotConfig};
@@ -265,7 +267,8 @@ fn the_folder_has_what_readers_expect_and_nothing_true_where_the_robot_reads() {
     for name in names("masks/") {
         let masks: Value = serde_json::from_slice(&all[&format!("masks/{name}")]).unwrap();
         for annotation in masks["annotations"].as_array().unwrap() {
-            let keys: Vec<&String> = annotation.as_object().unwrap().keys().collect();
+            let keys = annotation.as_object().unwrap().keys().filter(|key| *key != "object_id");
+            let keys: Vec<&String> = keys.collect();
             assert_eq!(keys, ["bbox", "caption", "class_name", "score", "segmentation"], "no instance");
         }
     }
@@ -333,4 +336,61 @@ fn a_dataset_goes_on_where_it_stopped_and_leaves_other_folders_alone() {
     fs::write(foreign.join("cat.png"), b"meow").unwrap();
     let error = make_dataset(&foreign, 1, 1, &small(0.3), &stop, &mut |_, _, _| {}).unwrap_err().to_string();
     assert!(error.contains("no dataset"), "{error}");
+}
+
+/// What stands in `masks/` comes with the pictures; a picture without a file is a fault, and no picture of nothing.
+#[test]
+fn masks_beside_a_bag_come_with_its_pictures() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("bag");
+    recorded(&small(1.2), RobotKind::Ground, &folder);
+    let phrases = ["mug".to_owned()];
+    let seen = || {
+        let segmenter = FolderSegmenter::open(&folder.join("masks")).unwrap();
+        let events = segmented(open(&folder).unwrap().events, segmenter, &phrases, &[]);
+        let (mut pictures, mut faults) = (Vec::new(), Vec::new());
+        for item in events {
+            match item {
+                Ok(SensorEvent::Panorama(panorama)) => pictures.push(panorama),
+                Ok(_) => {}
+                Err(error) => faults.push((error.loss(), error.to_string())),
+            }
+        }
+        (pictures, faults)
+    };
+    let (pictures, faults) = seen();
+    assert_eq!((pictures.len(), faults.len()), (3, 0), "{faults:?}");
+    assert!(pictures.iter().all(|panorama| !panorama.masks.is_empty() && panorama.image.is_some()));
+    assert!(
+        pictures.iter().flat_map(|panorama| &panorama.masks).any(|mask| mask.track.is_some()),
+        "numbers of the video"
+    );
+    let one = fs::read_dir(folder.join("masks")).unwrap().next().unwrap().unwrap().path();
+    fs::remove_file(one).unwrap();
+    let (pictures, faults) = seen();
+    assert_eq!((pictures.len(), faults.len()), (2, 1));
+    assert_eq!(faults[0].0, "images_without_masks");
+    assert!(faults[0].1.contains("no file of masks"), "{faults:?}");
+}
+
+/// A dataset that is there is kept only if it is what would be made now.
+#[test]
+fn recordings_of_other_settings_are_made_anew() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("set");
+    let stop = Arc::new(AtomicBool::new(false));
+    let make = |is_fixed: bool, max_time_s: f64| {
+        let mut config = small(max_time_s);
+        config.simulation.is_lidar_fixed = is_fixed;
+        let mut made = 0;
+        let index = make_dataset(&folder, 1, 5, &config, &stop, &mut |_, _, _| made += 1).unwrap();
+        (index["recordings"][0].clone(), made > 0)
+    };
+    let (first, was_made) = make(false, 0.3);
+    assert!(was_made && first["lidar"] == "rotating");
+    assert!(!make(false, 0.3).1, "kept");
+    let (second, was_made) = make(true, 0.3);
+    assert!(was_made && second["lidar"] == "fixed");
+    let (third, was_made) = make(true, 0.6);
+    assert!(was_made && third["duration_s"].as_f64().unwrap() > 0.5, "{third}");
 }

@@ -2,9 +2,10 @@
 //! system holds in memory.
 
 use mission::omni_perception::Stamp;
+use mission::recording::RecordingOptions;
+use mission::recording::rosbag::Bag;
 use mission::recording::rosbag::ros_messages::{Header, Imu, PointCloud2, PointField, Time, Vector3};
 use mission::recording::rosbag::writer::BagWriter;
-use mission::recording::rosbag::{Bag, BagOptions};
 
 const POINTS: u32 = 32 * 1024;
 
@@ -55,6 +56,6 @@ fn a_second_of_lidar_and_imu(bencher: divan::Bencher<'_, '_>) {
     let root = tempfile::tempdir().expect("a folder for the bench");
     write(root.path());
     bencher.counter(divan::counter::ItemsCount::new(10 * POINTS)).bench(|| {
-        Bag::open(root.path(), &BagOptions::default()).expect("our own bag").events.filter_map(Result::ok).count()
+        Bag::open(root.path(), &RecordingOptions::default()).expect("our own bag").events.filter_map(Result::ok).count()
     });
 }

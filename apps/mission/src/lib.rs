@@ -40,6 +40,7 @@ pub mod rig;
 pub mod rooms;
 pub mod scan_queue;
 pub mod segmentation_files;
+pub mod segmented;
 pub mod segmenter;
 pub mod segmenter_folder;
 pub mod segmenter_http;

@@ -158,3 +158,93 @@ impl OdometryRun {
         *self.dropped.entry(reason).or_default() += count;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::rosbag::error::Sensor;
+    use nalgebra::{Isometry3, Point3, Vector3};
+    use omni_perception::{EncoderSample, ImuSample, RawPoint, RawScan, RotatingMount, Stamp};
+
+    fn run() -> OdometryRun {
+        let identity = Isometry3::identity();
+        let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
+        OdometryRun::new(&RecordedRig { mount, is_rotating: true, body_from_imu: identity }, LioConfig::default())
+            .expect("sound")
+    }
+
+    fn imu(ms: i64) -> SensorEvent {
+        SensorEvent::Imu(ImuSample {
+            stamp: Stamp(ms * 1_000_000),
+            angular_velocity_radps: Vector3::zeros(),
+            specific_force_mps2: Vector3::new(0.0, 0.0, 9.81),
+        })
+    }
+
+    fn scan(ms: i64) -> SensorEvent {
+        // A box of two metres around the sensor.
+        let points = (0..2000_u32).map(|k| {
+            let (u, v) = (f32::from((k % 40) as u16) / 20.0 - 0.975, f32::from((k / 40 % 50) as u16) / 25.0 - 0.98);
+            let position = match k % 3 {
+                0 => Point3::new(1.0, u, v),
+                1 => Point3::new(u, -1.0, v),
+                _ => Point3::new(u, v, -1.0),
+            };
+            RawPoint { position, offset_ns: k * 10_000, ring: 0 }
+        });
+        SensorEvent::Scan(RawScan { start: Stamp(ms * 1_000_000), points: points.collect() })
+    }
+
+    #[test]
+    fn scans_are_scans_and_everything_else_has_its_own_name() {
+        let mut run = run();
+        let mut poses = 0;
+        let mut push = |run: &mut OdometryRun, event| run.push(event, |_, pose| poses += usize::from(pose.is_some()));
+        for ms in (0..1200).step_by(5) {
+            push(&mut run, Ok(imu(ms)));
+            let sample = EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad: 0.0 };
+            push(&mut run, Ok(SensorEvent::Encoder(sample)));
+            if ms % 100 == 0 && ms < 1100 {
+                push(&mut run, Ok(scan(ms)));
+            }
+        }
+        push(&mut run, Ok(imu(7)));
+        push(&mut run, Ok(SensorEvent::Encoder(EncoderSample { stamp: Stamp(0), angle_rad: 0.0 })));
+        let topic = || "/t".to_owned();
+        let (stamp, last) = (Stamp(1), Stamp(2));
+        let lost = [
+            BagError::NotLater { sensor: Sensor::Imu, topic: topic(), stamp, last },
+            BagError::NotLater { sensor: Sensor::Encoder, topic: topic(), stamp, last },
+            BagError::NotLater { sensor: Sensor::Points, topic: topic(), stamp, last },
+            BagError::Ahead { sensor: Sensor::Image, topic: topic(), stamp, last, next: last },
+            BagError::PointsWithoutTime { topic: topic(), stamp, count: 42 },
+            BagError::BrokenChunk,
+            BagError::Truncated,
+        ];
+        lost.into_iter().for_each(|error| push(&mut run, Err(error.into())));
+        run.finish();
+        // Eleven came whole and one went back; the others are no scans.
+        assert_eq!(run.scans, 12);
+        let expected = [
+            ("chunks_broken", 1),
+            ("encoder_not_later", 2),
+            ("files_truncated", 1),
+            ("images_jump_ahead", 1),
+            ("imu_not_later", 2),
+            ("points_without_time", 42),
+            ("scans_not_later", 1),
+        ];
+        let counted: Vec<(&str, usize)> = run.dropped.iter().map(|(reason, count)| (*reason, *count)).collect();
+        assert_eq!(counted, expected);
+        assert_eq!(run.cpu_ms.len(), 11);
+        assert_eq!(run.status_counts.values().sum::<usize>(), 11);
+        assert!(run.scans_tracked() >= 5 && run.scans_tracked() <= poses, "{:?} {poses}", run.status_counts);
+    }
+
+    #[test]
+    fn lost_scans_are_not_tracked() {
+        let mut run = run();
+        run.status_counts = [("initialising", 4), ("tracking", 28), ("degenerate", 2), ("lost", 3)].into();
+        assert_eq!(run.scans_tracked(), 30);
+    }
+}

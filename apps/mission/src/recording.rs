@@ -13,11 +13,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
-use omni_perception::RotatingMount;
+use omni_perception::{RotatingMount, Stamp};
 use thiserror::Error;
 
 use crate::recording::npz::NpzError;
 use crate::recording::rosbag::error::BagError;
+use crate::segmenter::SegmenterError;
 use crate::stream::SensorEvent;
 
 /// Sensors of one robot over some time.
@@ -75,14 +76,32 @@ pub enum RecordingError {
         expected: &'static str,
     },
     /// A line of a table does not have its columns.
-    #[error("{} line {line}: expected the columns {columns}", .path.display())]
+    #[error("{} line {line}: \"{found}\" is not {columns}, with t in seconds", .path.display())]
     Line {
         /// The file.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
+        /// Its beginning.
+        found: String,
         /// The columns.
         columns: &'static str,
+    },
+    /// The rig turns, and there is no angle; or the other way round.
+    #[error("{} is absent: a rig whose LiDAR turns needs the motor's angle", .path.display())]
+    NoMotor {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Times of points in no unit, or with no zero that makes sense.
+    #[error("{}: the times \"t\" of the points run from {min} to {max}; accepted are seconds, milli-, micro- or nanoseconds, after t0 of meta.json or since 1970, that span 2 ms to 2 s in a scan", .path.display())]
+    PointTimes {
+        /// The file.
+        path: PathBuf,
+        /// Smallest value.
+        min: f64,
+        /// Largest value.
+        max: f64,
     },
     /// A scan file is truncated, corrupt, or holds something else.
     #[error("{}: {source}", .path.display())]
@@ -91,6 +110,14 @@ pub enum RecordingError {
         path: PathBuf,
         /// Why.
         source: NpzError,
+    },
+    /// A picture has no masks.
+    #[error("the picture at {stamp}: {source}")]
+    Masks {
+        /// Its time.
+        stamp: Stamp,
+        /// Why.
+        source: SegmenterError,
     },
     /// A bag, or one message of it.
     #[error(transparent)]
@@ -102,9 +129,43 @@ impl RecordingError {
     pub fn loss(&self) -> &'static str {
         match self {
             RecordingError::Line { .. } => "lines_unreadable",
-            RecordingError::Scan { .. } => "scans_unreadable",
+            RecordingError::Scan { .. } | RecordingError::PointTimes { .. } => "scans_unreadable",
+            RecordingError::Masks { .. } => "images_without_masks",
             RecordingError::Bag(error) => error.loss(),
             _ => "files_unreadable",
+        }
+    }
+}
+
+/// What to read of a recording, and how, where it does not say so itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordingOptions {
+    /// Topic of the scans in a bag; by default the only one, or of several the one that fits the rig.
+    pub points_topic: Option<String>,
+    /// Topic of the IMU; by default the only one.
+    pub imu_topic: Option<String>,
+    /// Topic of the motor's angle; by default the only one.
+    pub encoder_topic: Option<String>,
+    /// Topic of the images; by default the only one, and none of several.
+    pub image_topic: Option<String>,
+    /// Where the sensors sit, if the recording does not say it or says it wrong.
+    pub rig: Option<RecordedRig>,
+    /// Refuse points without times (true). Else all points of a scan count as measured at its header's stamp.
+    pub are_point_times_needed: bool,
+    /// Decode images (true).
+    pub are_images_needed: bool,
+}
+
+impl Default for RecordingOptions {
+    fn default() -> Self {
+        RecordingOptions {
+            points_topic: None,
+            imu_topic: None,
+            encoder_topic: None,
+            image_topic: None,
+            rig: None,
+            are_point_times_needed: true,
+            are_images_needed: true,
         }
     }
 }
@@ -114,24 +175,20 @@ impl RecordingError {
 /// # Errors
 /// [`RecordingError`] if it is no recording or its description cannot be read. Later losses are items of the stream.
 pub fn open(path: &Path) -> Result<Recording, RecordingError> {
-    if path.join("meta.json").is_file() {
-        return sequence_folder::open(path);
-    }
-    if rosbag::is_bag(path) {
-        return rosbag::open(path);
-    }
-    Err(RecordingError::UnknownFormat { path: path.to_owned() })
+    open_with(path, &RecordingOptions::default())
 }
 
-/// The same with a rig from elsewhere, for recordings that say nothing, or something wrong, about theirs.
+/// The same with more said about it. Topics are those of bags; a folder has none.
 ///
 /// # Errors
 /// As [`open`].
-pub fn open_with_rig(path: &Path, rig: RecordedRig) -> Result<Recording, RecordingError> {
-    if rosbag::is_bag(path) {
-        let options = rosbag::BagOptions { rig: Some(rig), ..rosbag::BagOptions::default() };
-        let bag = rosbag::Bag::open(path, &options)?;
-        return Ok(Recording { rig, events: Box::new(bag.events) });
+pub fn open_with(path: &Path, options: &RecordingOptions) -> Result<Recording, RecordingError> {
+    if path.join("meta.json").is_file() {
+        return sequence_folder::open(path, options.rig);
     }
-    Ok(Recording { rig, ..open(path)? })
+    if rosbag::is_bag(path) {
+        let bag = rosbag::Bag::open(path, options)?;
+        return Ok(Recording { rig: bag.rig, events: Box::new(bag.events) });
+    }
+    Err(RecordingError::UnknownFormat { path: path.to_owned() })
 }

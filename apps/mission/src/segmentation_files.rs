@@ -23,6 +23,8 @@ use thiserror::Error;
 pub const MAX_BYTES: usize = 32 << 20;
 /// Most annotations that are read of one image.
 pub const MAX_ANNOTATIONS: usize = 4096;
+/// Columns that the edges of all polygons of a file may cross: a thousand fine outlines.
+const MAX_CROSSINGS: usize = 1 << 22;
 /// Longest label or caption in characters; what is longer is cut.
 const MAX_TEXT: usize = 1000;
 
@@ -177,9 +179,10 @@ fn found(root: &Value) -> String {
 
 fn read_grounded_sam2(root: &Value) -> Result<ImageSegmentation, SegmentationError> {
     let size = [side(root, "img_height", "")?, side(root, "img_width", "")?];
-    let read = |annotation: &Value, place: &str| {
+    let mut crossings_left = MAX_CROSSINGS;
+    let mut read = |annotation: &Value, place: &str| {
         let label = text(annotation, "class_name").ok_or_else(|| wrong(place, "class_name", "a text"))?;
-        mask(annotation, place, size, label, score(annotation, "score", place)?)
+        mask(annotation, place, size, label, score(annotation, "score", place)?, &mut crossings_left)
     };
     let annotations = annotations(root)?;
     check_count(annotations.len())?;
@@ -195,9 +198,10 @@ fn read_grounded_sam2(root: &Value) -> Result<ImageSegmentation, SegmentationErr
 fn read_sam_automatic(root: &Value) -> Result<ImageSegmentation, SegmentationError> {
     let image = &root["image"];
     let size = [side(image, "height", "image.")?, side(image, "width", "image.")?];
-    let read = |annotation: &Value, place: &str| {
+    let mut crossings_left = MAX_CROSSINGS;
+    let mut read = |annotation: &Value, place: &str| {
         let label = text(annotation, "class_name").unwrap_or_else(|| UNKNOWN.into());
-        mask(annotation, place, size, label, score(annotation, "predicted_iou", place)?)
+        mask(annotation, place, size, label, score(annotation, "predicted_iou", place)?, &mut crossings_left)
     };
     let annotations = annotations(root)?;
     check_count(annotations.len())?;
@@ -232,6 +236,7 @@ fn read_coco_images(root: &Value) -> Result<Vec<ImageSegmentation>, Segmentation
         };
         images.insert(id_of(image, "id", &place)?, segmentation);
     }
+    let mut crossings_left = MAX_CROSSINGS;
     for (index, annotation) in annotations(root)?.iter().enumerate() {
         let place = format!("annotations[{index}]");
         let image = images
@@ -246,7 +251,8 @@ fn read_coco_images(root: &Value) -> Result<Vec<ImageSegmentation>, Segmentation
                 .ok_or_else(|| wrong(&place, "category_id", "the id of a category of this file"))?,
         };
         let size = [image.height_px, image.width_px];
-        image.masks.push(mask(annotation, &place, size, label, score(annotation, "score", &place)?)?);
+        let score = score(annotation, "score", &place)?;
+        image.masks.push(mask(annotation, &place, size, label, score, &mut crossings_left)?);
     }
     Ok(images.into_values().collect())
 }
@@ -260,8 +266,15 @@ fn check_count(found: usize) -> Result<(), SegmentationError> {
 }
 
 /// One annotation with what all formats have in common.
-fn mask(annotation: &Value, place: &str, size: [u32; 2], label: String, score: f32) -> Result<Mask, SegmentationError> {
-    let rle = read_mask(&annotation["segmentation"], &format!("{place}.segmentation"), size)?;
+fn mask(
+    annotation: &Value,
+    place: &str,
+    size: [u32; 2],
+    label: String,
+    score: f32,
+    crossings_left: &mut usize,
+) -> Result<Mask, SegmentationError> {
+    let rle = read_mask(&annotation["segmentation"], &format!("{place}.segmentation"), size, crossings_left)?;
     Ok(Mask {
         caption: text(annotation, "caption").unwrap_or_default(),
         track: track(annotation, place)?,
@@ -270,14 +283,14 @@ fn mask(annotation: &Value, place: &str, size: [u32; 2], label: String, score: f
 }
 
 /// RLE with a string or a list, or polygons.
-fn read_mask(value: &Value, place: &str, size: [u32; 2]) -> Result<Rle, SegmentationError> {
+fn read_mask(value: &Value, place: &str, size: [u32; 2], crossings_left: &mut usize) -> Result<Rle, SegmentationError> {
     const FORMS: &str = "{\"size\": [H, W], \"counts\": string or list} or a list of polygons";
     let fault = |cause| SegmentationError::Mask { place: place.to_owned(), cause };
     let [height, width] = size;
     if let Value::Array(polygons) = value {
         let polygons: Option<Vec<Vec<[f64; 2]>>> = polygons.iter().map(read_polygon).collect();
         let polygons = polygons.ok_or_else(|| wrong(place, "", "a list of polygons [x1, y1, x2, y2, ...]"))?;
-        return Rle::from_polygons(width, height, &polygons).map_err(fault);
+        return Rle::from_polygons_within(width, height, &polygons, crossings_left).map_err(fault);
     }
     let pair = value["size"].as_array().filter(|pair| pair.len() == 2).ok_or_else(|| wrong(place, "", FORMS))?;
     let sides: Option<Vec<u32>> = pair.iter().map(whole).collect();
@@ -354,25 +367,35 @@ fn wrong(place: &str, key: &str, expected: &'static str) -> SegmentationError {
     SegmentationError::Value { place: format!("{place}{dot}{key}"), expected }
 }
 
+/// How the runs of a mask are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RleForm {
+    /// COCO's compressed string.
+    #[default]
+    Text,
+    /// The list of counts.
+    List,
+}
+
 /// Writes one image. COCO gives it the id 1 and its labels ids from 1 in the order of the alphabet.
-pub fn write_segmentation(segmentation: &ImageSegmentation, format: SegmentationFormat) -> String {
+pub fn write_segmentation(segmentation: &ImageSegmentation, format: SegmentationFormat, form: RleForm) -> String {
     let value = match format {
-        SegmentationFormat::GroundedSam2 => grounded_sam2(segmentation),
-        SegmentationFormat::SamAutomatic => sam_automatic(segmentation),
-        SegmentationFormat::Coco => coco(std::slice::from_ref(segmentation)),
+        SegmentationFormat::GroundedSam2 => grounded_sam2(segmentation, form),
+        SegmentationFormat::SamAutomatic => sam_automatic(segmentation, form),
+        SegmentationFormat::Coco => coco(std::slice::from_ref(segmentation), form),
     };
     value.to_string()
 }
 
 /// Writes a COCO file of several images, numbered from 1 in their order.
-pub fn write_coco(images: &[ImageSegmentation]) -> String {
-    coco(images).to_string()
+pub fn write_coco(images: &[ImageSegmentation], form: RleForm) -> String {
+    coco(images, form).to_string()
 }
 
-fn grounded_sam2(segmentation: &ImageSegmentation) -> Value {
+fn grounded_sam2(segmentation: &ImageSegmentation, form: RleForm) -> Value {
     let annotation = |mask: &Mask| {
         let [left, top, right, bottom] = mask.rle.bounds().unwrap_or_default();
-        let mut value = common(mask);
+        let mut value = common(mask, form);
         value.insert("class_name".into(), mask.label.as_str().into());
         value.insert("bbox".into(), json!([left, top, right, bottom]));
         value.insert("score".into(), number(mask.score));
@@ -387,9 +410,9 @@ fn grounded_sam2(segmentation: &ImageSegmentation) -> Value {
     })
 }
 
-fn sam_automatic(segmentation: &ImageSegmentation) -> Value {
+fn sam_automatic(segmentation: &ImageSegmentation, form: RleForm) -> Value {
     let annotation = |(index, mask): (usize, &Mask)| {
-        let mut value = common(mask);
+        let mut value = common(mask, form);
         value.insert("id".into(), index.into());
         value.insert("area".into(), mask.rle.area().into());
         value.insert("bbox".into(), corner_and_size(mask));
@@ -408,14 +431,14 @@ fn sam_automatic(segmentation: &ImageSegmentation) -> Value {
     })
 }
 
-fn coco(images: &[ImageSegmentation]) -> Value {
+fn coco(images: &[ImageSegmentation], form: RleForm) -> Value {
     let mut names: Vec<&str> = images.iter().flat_map(|image| &image.masks).map(|mask| mask.label.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     let mut annotations = Vec::new();
     for (image, segmentation) in images.iter().enumerate() {
         for mask in &segmentation.masks {
-            let mut value = common(mask);
+            let mut value = common(mask, form);
             value.insert("id".into(), (annotations.len() + 1).into());
             value.insert("image_id".into(), (image + 1).into());
             let category = names.partition_point(|name| *name < mask.label.as_str());
@@ -435,10 +458,14 @@ fn coco(images: &[ImageSegmentation]) -> Value {
     })
 }
 
-fn common(mask: &Mask) -> Map<String, Value> {
+fn common(mask: &Mask, form: RleForm) -> Map<String, Value> {
     let mut value = Map::new();
     let size = [mask.rle.height(), mask.rle.width()];
-    value.insert("segmentation".into(), json!({"size": size, "counts": mask.rle.to_coco_string()}));
+    let counts = match form {
+        RleForm::Text => json!(mask.rle.to_coco_string()),
+        RleForm::List => json!(mask.rle.counts()),
+    };
+    value.insert("segmentation".into(), json!({"size": size, "counts": counts}));
     if !mask.caption.is_empty() {
         value.insert("caption".into(), mask.caption.as_str().into());
     }

@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use mission::omni_perception::{EncoderSample, ImuSample, RawPoint, RawScan, Stamp};
+use mission::recording::RecordingOptions;
+use mission::recording::rosbag::Bag;
 use mission::recording::rosbag::error::BagError;
 use mission::recording::rosbag::frames::transform;
 use mission::recording::rosbag::ros_messages::{
     Header, Imu, JointState, PointCloud2, PointField, TfMessage, Time, TransformStamped, Vector3 as RosVector,
 };
 use mission::recording::rosbag::writer::{BAG_FILE, BagWriter};
-use mission::recording::rosbag::{Bag, BagOptions};
 use mission::recording::{RecordingError, open};
 use mission::stream::SensorEvent;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -372,7 +373,7 @@ fn what_is_unclear_is_refused_with_what_was_found_and_what_would_do() {
     make(&path, TimeStyle { field: "intensity", ..OURS }, &events(4, &[0.5]));
     let text = refusal(&path);
     assert!(text.contains("x, y, z, ring, intensity") && text.contains("timestamps"), "{text}");
-    let options = BagOptions { are_point_times_needed: false, ..BagOptions::default() };
+    let options = RecordingOptions { are_point_times_needed: false, ..RecordingOptions::default() };
     let instant = Bag::open(&path, &options).unwrap();
     assert!(instant.events.filter_map(Result::ok).any(|event| matches!(event, SensorEvent::Scan(_))));
 
@@ -397,7 +398,8 @@ fn what_is_unclear_is_refused_with_what_was_found_and_what_would_do() {
     maker.finish();
     let text = refusal(&path);
     assert!(text.contains("/camera/imu, /imu"), "{text}");
-    let options = BagOptions { imu_topic: Some("/imu".into()), encoder_topic: None, ..BagOptions::default() };
+    let options =
+        RecordingOptions { imu_topic: Some("/imu".into()), encoder_topic: None, ..RecordingOptions::default() };
     assert!(
         matches!(Bag::open(&path, &options).err(), Some(BagError::NoTransform { .. })),
         "it turns and has no encoder"

@@ -137,20 +137,36 @@ proptest! {
     #[test]
     fn what_is_written_is_read_again(image in any_image(), other in any_image()) {
         for format in [SegmentationFormat::GroundedSam2, SegmentationFormat::SamAutomatic, SegmentationFormat::Coco] {
-            let text = write_segmentation(&image, format);
-            prop_assert_eq!(&read_segmentation(text.as_bytes()).expect("our own"), &image, "{:?}", format);
+            for form in [RleForm::Text, RleForm::List] {
+                let text = write_segmentation(&image, format, form);
+                prop_assert_eq!(&read_segmentation(text.as_bytes()).expect("our own"), &image, "{:?} {:?}", format, form);
+            }
         }
         let images = vec![image, other];
-        prop_assert_eq!(read_coco(write_coco(&images).as_bytes()).expect("our own"), images);
+        for form in [RleForm::Text, RleForm::List] {
+            prop_assert_eq!(&read_coco(write_coco(&images, form).as_bytes()).expect("our own"), &images);
+        }
     }
 
     #[test]
     fn damaged_files_never_panic(image in any_image(), at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
         for format in [SegmentationFormat::GroundedSam2, SegmentationFormat::SamAutomatic, SegmentationFormat::Coco] {
-            let mut text = write_segmentation(&image, format).into_bytes();
+            let mut text = write_segmentation(&image, format, RleForm::Text).into_bytes();
             let at = at.index(text.len());
             if cut { text.truncate(at) } else { text[at] = byte }
             let _ = read_segmentation(&text);
         }
     }
+}
+
+/// A megabyte of outlines that cross all columns again and again: refused after a bounded piece of work.
+#[test]
+fn outlines_without_end_are_refused() {
+    let zigzag: Vec<f64> = (0..500).flat_map(|k| [if k % 2 == 0 { 0.0 } else { 4000.0 }, f64::from(k)]).collect();
+    let annotation = json!({"class_name": "a", "segmentation": [zigzag]});
+    let text = json!({"img_width": 4000, "img_height": 500, "annotations": vec![annotation; 200]}).to_string();
+    let start = std::time::Instant::now();
+    let error = read_segmentation(text.as_bytes()).expect_err("too much").to_string();
+    assert!(error.contains("annotations[2]"), "{error}");
+    assert!(start.elapsed().as_secs() < 20);
 }

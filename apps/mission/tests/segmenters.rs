@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use base64::Engine;
 use mission::http_post::PostError;
 use mission::omni_perception::{Mask, MaskedPanorama, RgbImage, Rle, Stamp};
-use mission::segmentation_files::{ImageSegmentation, SegmentationFormat, write_segmentation};
+use mission::segmentation_files::{ImageSegmentation, RleForm, SegmentationFormat, write_segmentation};
 use mission::segmenter::{SegmentRequest, Segmenter, SegmenterError};
 use mission::segmenter_folder::FolderSegmenter;
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
@@ -28,7 +28,11 @@ fn mask() -> Mask {
 
 fn answer(format: SegmentationFormat) -> String {
     let image = String::new();
-    write_segmentation(&ImageSegmentation { image, width_px: WIDTH, height_px: HEIGHT, masks: vec![mask()] }, format)
+    write_segmentation(
+        &ImageSegmentation { image, width_px: WIDTH, height_px: HEIGHT, masks: vec![mask()] },
+        format,
+        RleForm::Text,
+    )
 }
 
 fn ask(segmenter: &mut dyn Segmenter, stamp_ns: i64) -> Result<MaskedPanorama, SegmenterError> {

@@ -1,14 +1,18 @@
 //! `omnivln odometry RECORDING --out TUM`: the trajectory of a recording.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
+use arena::cli::read_rig;
 use arena::mission::odometry_run::OdometryRun;
 use arena::mission::omni_perception::{LioConfig, OdometryEstimate};
-use arena::mission::recording;
+use arena::mission::recording::{self, RecordingError, RecordingOptions};
+use arena::mission::rig::Rig;
 use clap::Args;
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
@@ -16,12 +20,25 @@ use serde_json::{Value, json};
 /// Options of `odometry`.
 #[derive(Debug, Args)]
 pub struct OdometryOptions {
-    /// A folder with meta.json, imu.csv, motor.csv and scans/
+    /// A bag of ROS 2 (folder or .mcap), or a folder with meta.json, imu.csv, motor.csv and scans/
     recording: PathBuf,
     /// Where to write the trajectory: one line "t x y z qx qy qz qw" per scan, the pose of the IMU in a level world at
     /// the time of the scan's last point
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Where the sensors sit, as a rig file (see apps/mission/rigs; poses relative to the body), for recordings that do not
+    /// say it, or say it wrong
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Topic of the scans in a bag, where there are several
+    #[arg(long, value_name = "TOPIC")]
+    points: Option<String>,
+    /// Topic of the IMU
+    #[arg(long, value_name = "TOPIC")]
+    imu: Option<String>,
+    /// Topic of the motor's angle
+    #[arg(long, value_name = "TOPIC")]
+    encoder: Option<String>,
     /// Where to keep the map
     #[arg(long, value_name = "FILE")]
     map_out: Option<PathBuf>,
@@ -33,22 +50,40 @@ pub struct OdometryOptions {
     json: bool,
 }
 
+/// Warnings of one kind that are printed; the rest is counted.
+const MOST_WARNINGS: usize = 3;
+
 /// Runs the odometry over the recording.
 pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
-    let recording = recording::open(&options.recording)?;
+    let rig = options.rig.as_ref().map(|path| read_rig(path, None)).transpose()?;
+    let recording_options = RecordingOptions {
+        points_topic: options.points.clone(),
+        imu_topic: options.imu.clone(),
+        encoder_topic: options.encoder.clone(),
+        rig: rig.as_ref().map(Rig::recorded),
+        are_images_needed: false,
+        ..RecordingOptions::default()
+    };
+    let recording = recording::open_with(&options.recording, &recording_options)?;
     let config = LioConfig { threads: options.threads as usize, ..LioConfig::default() };
+    let config = rig.as_ref().map_or(config.clone(), |rig| rig.odometry(config));
     let mut run = OdometryRun::new(&recording.rig, config)?;
     let body_from_imu = recording.rig.body_from_imu;
     let mut trajectory = String::new();
-    let mut tracked = 0;
+    let mut warned: BTreeMap<&str, usize> = BTreeMap::new();
     let before_mib = peak_rss_mib();
     for event in recording.events {
         if let Err(error) = &event {
-            eprintln!("warning: {error}");
+            let count = warned.entry(error.loss()).or_default();
+            *count += 1;
+            match *count {
+                ..=MOST_WARNINGS => eprintln!("warning: {}", with_causes(error)),
+                count if count == MOST_WARNINGS + 1 => eprintln!("warning: more of these are only counted"),
+                _ => (),
+            }
         }
         run.push(event, |_, estimate| {
             if let Some(estimate) = estimate {
-                tracked += 1;
                 write_pose(&mut trajectory, &estimate, &body_from_imu);
             }
         });
@@ -56,6 +91,17 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
     run.finish();
     let growth_mib = before_mib.zip(peak_rss_mib()).map(|(before, after)| after - before);
     ensure!(run.scans > 0, "{} holds no scans", options.recording.display());
+    let tracked = run.scans_tracked();
+    if tracked == 0 {
+        let left_out: Vec<String> = run.dropped.iter().map(|(reason, count)| format!("{reason}: {count}")).collect();
+        let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
+        bail!(
+            "not one of {} scans of {} could be followed (left out: {left_out}); the filter needs half a second at rest, \
+             or half a second of scans and an IMU in rad/s and m/s^2 (or g), with clocks that agree",
+            run.scans,
+            options.recording.display()
+        );
+    }
     write_whole(&options.out, trajectory.as_bytes())?;
     if let Some(path) = &options.map_out {
         let mut bytes = Vec::new();
@@ -64,9 +110,9 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
     }
 
     if options.json {
-        println!("{}", summary(&run, tracked, growth_mib));
+        println!("{}", summary(&run, growth_mib));
     } else {
-        println!("{} scans, {tracked} with a pose -> {}", run.scans, options.out.display());
+        println!("{} scans, {tracked} tracked -> {}", run.scans, options.out.display());
         if let (Some(median), Some(p95)) = (quantile(&run.cpu_ms, 0.5), quantile(&run.cpu_ms, 0.95)) {
             println!("CPU per scan: median {median:.2} ms, 95 % below {p95:.2} ms");
         }
@@ -81,10 +127,10 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
 }
 
 /// The keys are promised.
-fn summary(run: &OdometryRun, tracked: usize, growth_mib: Option<f64>) -> Value {
+fn summary(run: &OdometryRun, growth_mib: Option<f64>) -> Value {
     json!({
         "scans": run.scans,
-        "scans_tracked": tracked,
+        "scans_tracked": run.scans_tracked(),
         "cpu_ms_per_scan_median": quantile(&run.cpu_ms, 0.5),
         "cpu_ms_per_scan_p95": quantile(&run.cpu_ms, 0.95),
         "rss_growth_mib": growth_mib,
@@ -112,11 +158,29 @@ fn write_pose(text: &mut String, estimate: &OdometryEstimate, body_from_imu: &Is
     );
 }
 
-/// Writes beside the place and renames, so that there is never half a file.
+fn with_causes(error: &RecordingError) -> String {
+    let mut text = error.to_string();
+    let mut cause = std::error::Error::source(error);
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text += &format!(": {more}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
+/// Writes beside the place, to the disk, and renames, so that there is never half a file.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let name = path.file_name().with_context(|| format!("{} names no file", path.display()))?;
     let temporary = path.with_file_name(format!(".{}.part", name.to_string_lossy()));
-    fs::write(&temporary, bytes).with_context(|| format!("writing {}", temporary.display()))?;
+    let write = || -> std::io::Result<()> {
+        let mut file = fs::File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()
+    };
+    write().with_context(|| format!("writing {}", temporary.display()))?;
     fs::rename(&temporary, path).with_context(|| format!("writing {}", path.display()))
 }
 
@@ -140,7 +204,7 @@ mod tests {
         let rig = RecordedRig { mount, is_rotating: true, body_from_imu: identity };
         let mut run = OdometryRun::new(&rig, LioConfig::default()).expect("sound");
         run.cpu_ms = vec![3.0, 1.0, 2.0];
-        let summary = summary(&run, 0, None);
+        let summary = summary(&run, None);
         let keys: Vec<&str> = summary.as_object().expect("an object").keys().map(String::as_str).collect();
         assert_eq!(
             keys,

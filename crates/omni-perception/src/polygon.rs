@@ -6,7 +6,7 @@
 use crate::{Rle, RleError, Span};
 
 /// Crossings of edges with columns in one mask; more are refused.
-const MAX_CROSSINGS: usize = 1 << 22;
+const MAX_CROSSINGS: usize = 1 << 20;
 
 impl Rle {
     /// The union of polygons given by their corners (x to the right, y down, pixel middles at +0.5). What lies outside the
@@ -15,6 +15,20 @@ impl Rle {
     /// # Errors
     /// [`RleError`] if the size is unsound, a corner is not finite, or the outlines cross too many columns.
     pub fn from_polygons(width: u32, height: u32, polygons: &[Vec<[f64; 2]>]) -> Result<Rle, RleError> {
+        Rle::from_polygons_within(width, height, polygons, &mut { MAX_CROSSINGS })
+    }
+
+    /// The same with a bound on the work: edges may cross `crossings_left` columns, from which those that they cross are taken.
+    /// For text from strangers, who may send many masks with many edges.
+    ///
+    /// # Errors
+    /// As [`Rle::from_polygons`].
+    pub fn from_polygons_within(
+        width: u32,
+        height: u32,
+        polygons: &[Vec<[f64; 2]>],
+        crossings_left: &mut usize,
+    ) -> Result<Rle, RleError> {
         let mut spans: Vec<Span> = Vec::new();
         let mut crossings: Vec<(u32, f64)> = Vec::new();
         for polygon in polygons {
@@ -23,7 +37,7 @@ impl Rle {
             }
             crossings.clear();
             for (a, b) in polygon.iter().zip(polygon.iter().cycle().skip(1)) {
-                cross_columns(width, *a, *b, &mut crossings)?;
+                cross_columns(width, *a, *b, &mut crossings, crossings_left)?;
             }
             // Columns in order, and in each the heights at which its middle line enters and leaves.
             crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -43,13 +57,17 @@ impl Rle {
 }
 
 /// Where an edge crosses the middle lines of columns. Half-open, so that a corner on a line counts once.
-fn cross_columns(width: u32, a: [f64; 2], b: [f64; 2], crossings: &mut Vec<(u32, f64)>) -> Result<(), RleError> {
+fn cross_columns(
+    width: u32,
+    a: [f64; 2],
+    b: [f64; 2],
+    crossings: &mut Vec<(u32, f64)>,
+    crossings_left: &mut usize,
+) -> Result<(), RleError> {
     let (left, right) = if a[0] <= b[0] { (a, b) } else { (b, a) };
     let first_after = |x: f64| (x - 0.5).ceil().clamp(0.0, f64::from(width)) as u32;
     let columns = first_after(left[0])..first_after(right[0]);
-    if crossings.len() + columns.len() > MAX_CROSSINGS {
-        return Err(RleError::Outline { limit: MAX_CROSSINGS });
-    }
+    *crossings_left = crossings_left.checked_sub(columns.len()).ok_or(RleError::Outline { limit: MAX_CROSSINGS })?;
     let slope = (right[1] - left[1]) / (right[0] - left[0]);
     crossings.extend(columns.map(|column| (column, left[1] + slope * (f64::from(column) + 0.5 - left[0]))));
     Ok(())
@@ -88,5 +106,12 @@ mod tests {
         let zigzag: Vec<[f64; 2]> = (0..400).map(|k| [if k % 2 == 0 { 0.0 } else { 32768.0 }, f64::from(k)]).collect();
         assert!(matches!(Rle::from_polygons(32768, 400, &[zigzag]), Err(RleError::Outline { .. })));
         assert!(matches!(Rle::from_polygons(0, 4, &[]), Err(RleError::Size { .. })));
+        // The bound holds for all polygons together.
+        let square = vec![[0.0, 0.0], [100.0, 0.0], [100.0, 3.0], [0.0, 3.0]];
+        let mut left = 450;
+        let two = [square.clone(), square];
+        assert!(Rle::from_polygons_within(100, 4, &two, &mut left).is_ok());
+        assert_eq!(left, 50);
+        assert!(matches!(Rle::from_polygons_within(100, 4, &two, &mut left), Err(RleError::Outline { .. })));
     }
 }

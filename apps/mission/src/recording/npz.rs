@@ -23,12 +23,24 @@ pub enum NpzError {
         name: &'static str,
     },
     /// The array holds other numbers than expected.
-    #[error("array {name} is not {expected}")]
+    #[error("array {name} is {found}; accepted is {expected}")]
     Type {
         /// Name of the array.
         name: &'static str,
+        /// Type and shape found.
+        found: String,
         /// What would be accepted.
         expected: &'static str,
+    },
+    /// The arrays of a scan have different lengths.
+    #[error("array {name} has {found} entries for {expected} points")]
+    Count {
+        /// Name of the array.
+        name: &'static str,
+        /// Entries there.
+        found: usize,
+        /// Points of the scan.
+        expected: usize,
     },
     /// The array is shorter or longer than its header says, or unreasonably large.
     #[error("array {name} holds {found} bytes where its header says {expected}")]
@@ -57,6 +69,12 @@ struct Array {
     bytes: Vec<u8>,
 }
 
+impl Array {
+    fn mismatch(&self, name: &'static str, expected: &'static str) -> NpzError {
+        NpzError::Type { name, found: format!("{} of shape {:?}", self.kind, self.shape), expected }
+    }
+}
+
 impl Npz<BufReader<File>> {
     /// Opens an archive.
     ///
@@ -83,23 +101,24 @@ impl<R: Read + Seek> Npz<R> {
     pub fn rows_of_three(&mut self, name: &'static str) -> Result<Vec<[f32; 3]>, NpzError> {
         let array = self.array(name)?;
         if array.kind != "<f4" || !matches!(array.shape[..], [_, 3]) {
-            return Err(NpzError::Type { name, expected: "<f4 of shape (N, 3)" });
+            return Err(array.mismatch(name, "<f4 of shape (N, 3)"));
         }
         let number = |row: &[u8; 12], k: usize| f32::from_le_bytes([row[k], row[k + 1], row[k + 2], row[k + 3]]);
         let (rows, _) = array.bytes.as_chunks::<12>();
         Ok(rows.iter().map(|row| [number(row, 0), number(row, 4), number(row, 8)]).collect())
     }
 
-    /// An (N,) array of `<f8`.
+    /// An (N,) array of `<f8` or `<f4`.
     ///
     /// # Errors
     /// [`NpzError`].
     pub fn doubles(&mut self, name: &'static str) -> Result<Vec<f64>, NpzError> {
         let array = self.array(name)?;
-        if array.kind != "<f8" || array.shape.len() != 1 {
-            return Err(NpzError::Type { name, expected: "<f8 of shape (N,)" });
+        match (array.kind.as_str(), array.shape.len()) {
+            ("<f8", 1) => Ok(array.bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect()),
+            ("<f4", 1) => Ok(array.bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes).into()).collect()),
+            _ => Err(array.mismatch(name, "<f8 or <f4 of shape (N,)")),
         }
-        Ok(array.bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
     }
 
     /// An (N,) array of `|u1`.
@@ -109,7 +128,7 @@ impl<R: Read + Seek> Npz<R> {
     pub fn bytes(&mut self, name: &'static str) -> Result<Vec<u8>, NpzError> {
         let array = self.array(name)?;
         if array.kind != "|u1" || array.shape.len() != 1 {
-            return Err(NpzError::Type { name, expected: "|u1 of shape (N,)" });
+            return Err(array.mismatch(name, "|u1 of shape (N,)"));
         }
         Ok(array.bytes)
     }

@@ -18,7 +18,7 @@ pub mod mcap_stream;
 pub mod point_cloud;
 pub mod point_times;
 pub mod ros_messages;
-mod survey;
+pub(in crate::recording) mod survey;
 pub mod writer;
 
 use std::cmp::Reverse;
@@ -34,58 +34,16 @@ use self::clock_guard::ClockGuard;
 use self::error::{BagError, Sensor};
 use self::mcap_stream::{McapStream, Message, StreamFaults};
 use self::ros_messages::{CompressedImage, Imu, JointState, PointCloud2, decode};
-use self::survey::{Chosen, Survey};
-use super::{RecordedRig, Recording, RecordingError};
+use self::survey::{Chosen, Survey, TimesKnown};
+use super::{RecordedRig, RecordingError, RecordingOptions};
 use crate::stream::SensorEvent;
 
 /// Events wait this long for earlier ones that were written later.
 const REORDER_S: f64 = 0.25;
 
-/// What to read of a bag.
-#[derive(Debug, Clone, PartialEq)]
-pub struct BagOptions {
-    /// Topic of the scans; by default the only one, or of several the one in a turning frame.
-    pub points_topic: Option<String>,
-    /// Topic of the IMU; by default the only one.
-    pub imu_topic: Option<String>,
-    /// Topic of the motor's angle; by default the only one.
-    pub encoder_topic: Option<String>,
-    /// Topic of the images; by default the only one, and none of several.
-    pub image_topic: Option<String>,
-    /// Where the sensors sit, if the bag does not say it or says it wrong.
-    pub rig: Option<RecordedRig>,
-    /// Refuse points without times (true). Else all points of a scan count as measured at its header's stamp.
-    pub are_point_times_needed: bool,
-    /// Decode images (true).
-    pub are_images_needed: bool,
-}
-
-impl Default for BagOptions {
-    fn default() -> Self {
-        BagOptions {
-            points_topic: None,
-            imu_topic: None,
-            encoder_topic: None,
-            image_topic: None,
-            rig: None,
-            are_point_times_needed: true,
-            are_images_needed: true,
-        }
-    }
-}
-
-/// Whether a path looks like something that [`open`] reads: a file `*.mcap`, or a folder with such files or `metadata.yaml`.
+/// Whether a path looks like something that [`Bag::open`] reads: a file `*.mcap`, or a folder with such files or `metadata.yaml`.
 pub fn is_bag(path: &Path) -> bool {
     is_mcap(path) || (path.is_dir() && (path.join("metadata.yaml").is_file() || !mcap_files(path).is_empty()))
-}
-
-/// Opens a bag with the topics and frames that it has.
-///
-/// # Errors
-/// [`BagError`] in a [`RecordingError`] if it cannot be read or does not hold what a recording needs.
-pub fn open(path: &Path) -> Result<Recording, RecordingError> {
-    let bag = Bag::open(path, &BagOptions::default())?;
-    Ok(Recording { rig: bag.rig, events: Box::new(bag.events) })
 }
 
 /// An open bag.
@@ -103,7 +61,7 @@ impl Bag {
     ///
     /// # Errors
     /// [`BagError`] if it cannot be read or does not hold what a recording needs.
-    pub fn open(path: &Path, options: &BagOptions) -> Result<Bag, BagError> {
+    pub fn open(path: &Path, options: &RecordingOptions) -> Result<Bag, BagError> {
         let files = files_of(path)?;
         let survey = Survey::of(&mut McapStream::new(files.clone()))?;
         let chosen = survey.choose(path, options)?;
@@ -113,7 +71,11 @@ impl Bag {
             None => survey.frames.rig(&chosen.points_frame, &chosen.imu_frame, stator)?,
         };
         let body_from_camera = match &chosen.image {
-            Some((_, frame)) => survey.frames.pose(survey.frames.body(&chosen.imu_frame)?, frame)?,
+            // Where a rig is given, the frames need not make sense.
+            Some((_, frame)) => {
+                let pose = survey.frames.body(&chosen.imu_frame).and_then(|body| survey.frames.pose(body, frame));
+                if options.rig.is_some() { pose.unwrap_or_default() } else { pose? }
+            }
             None => None,
         };
         let events = BagEvents::new(McapStream::new(files), chosen, options.are_images_needed);
@@ -249,7 +211,7 @@ impl BagEvents {
                 } else if encoder.as_ref().is_some_and(|(name, _, _)| name == topic) {
                     read_encoder(&message, &self.chosen, &mut self.encoder, sorter)
                 } else if topic == self.chosen.points {
-                    read_scan(&message, &self.chosen, &mut self.points, sorter)
+                    read_scan(&message, &mut self.chosen.times, &mut self.points, sorter)
                 } else if self.are_images_needed && image.as_ref().is_some_and(|(name, _)| name == topic) {
                     read_image(&message, &mut self.image, sorter)
                 } else {
@@ -349,13 +311,14 @@ fn read_encoder(
 
 fn read_scan(
     message: &Message<'_>,
-    chosen: &Chosen,
+    times: &mut TimesKnown,
     guard: &mut ClockGuard,
     sorter: &mut Sorter,
 ) -> Result<(), BagError> {
     let cloud = decode::<PointCloud2<'_>>(message.payload).map_err(payload_error(Sensor::Points, message))?;
     let (topic, stamp) = (&message.channel.topic, cloud.header.stamp.stamp());
-    let (scan, count) = point_cloud::scan_of(&cloud, chosen.times.as_ref()).map_err(|fault| BagError::Cloud {
+    times.learn(topic, &cloud)?;
+    let (scan, count) = point_cloud::scan_of(&cloud, times.known()).map_err(|fault| BagError::Cloud {
         topic: topic.clone(),
         stamp,
         fault,

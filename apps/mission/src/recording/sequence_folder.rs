@@ -1,7 +1,8 @@
 //! A folder as `make_lio_sequence.py` writes it: `meta.json`, `imu.csv`, `motor.csv` and `scans/NNNNNN.npz`.
 //!
 //! Of each scan the points in the turning sensor's frame are taken (`xyz_raw`, with `t` and `ring`) and the motor's
-//! angle from `motor.csv`. Without `motor.csv` the points in the stator's frame (`xyz`) of a fixed LiDAR are taken.
+//! angle from `motor.csv`. Without `motor.csv`, or with a rig that does not turn, the points in the stator's frame (`xyz`)
+//! are taken. Times of points may be in any unit, after `t0` or since 1970; specific forces may be in multiples of gravity.
 //! The true trajectory and the labels in the folder are not looked at.
 
 use std::collections::VecDeque;
@@ -13,6 +14,8 @@ use omni_perception::{EncoderSample, ImuSample, RawPoint, RawScan, RotatingMount
 use serde::Deserialize;
 
 use crate::recording::npz::{Npz, NpzError};
+use crate::recording::rosbag::point_times::TimeUnit;
+use crate::recording::rosbag::survey::force_unit_mps2;
 use crate::recording::{RecordedRig, Recording, RecordingError};
 use crate::stream::SensorEvent;
 
@@ -25,12 +28,12 @@ struct Meta {
     T_rotor_sensor_quat_xyzw_xyz: [f64; 7],
 }
 
-/// Opens a folder.
+/// Opens a folder; `rig` takes the place of what `meta.json` says about the sensors.
 ///
 /// # Errors
 /// [`RecordingError`] if the description or a table cannot be read. A line or a scan that cannot be read is an
-/// error in the stream.
-pub fn open(folder: &Path) -> Result<Recording, RecordingError> {
+/// error in the stream, but a table without one good line is refused.
+pub fn open(folder: &Path, rig: Option<RecordedRig>) -> Result<Recording, RecordingError> {
     let path = folder.join("meta.json");
     let text = read(&path)?;
     let meta: Meta =
@@ -39,41 +42,60 @@ pub fn open(folder: &Path) -> Result<Recording, RecordingError> {
     if meta.t0.is_nan() || meta.t0.abs() >= 9e9 {
         return Err(field("t0", "seconds within 64 bits of nanoseconds"));
     }
-    let pose = "a unit quaternion x, y, z, w and a position x, y, z";
-    let mut mount = RotatingMount {
-        body_from_stator: isometry(&meta.T_imu_lidar_quat_xyzw_xyz)
-            .ok_or_else(|| field("T_imu_lidar_quat_xyzw_xyz", pose))?,
-        rotor_from_sensor: isometry(&meta.T_rotor_sensor_quat_xyzw_xyz)
-            .ok_or_else(|| field("T_rotor_sensor_quat_xyzw_xyz", pose))?,
-    };
     let motor = folder.join("motor.csv");
-    let is_rotating = motor.is_file();
-    if !is_rotating {
-        mount.rotor_from_sensor = Isometry3::identity();
-    }
+    let rig = match rig {
+        Some(rig) => rig,
+        None => {
+            let pose = "a unit quaternion x, y, z, w and a position x, y, z";
+            let lidar = isometry(&meta.T_imu_lidar_quat_xyzw_xyz);
+            let sensor = isometry(&meta.T_rotor_sensor_quat_xyzw_xyz);
+            let is_rotating = motor.is_file();
+            let body_from_stator = lidar.ok_or_else(|| field("T_imu_lidar_quat_xyzw_xyz", pose))?;
+            let sensor = sensor.ok_or_else(|| field("T_rotor_sensor_quat_xyzw_xyz", pose))?;
+            let rotor_from_sensor = if is_rotating { sensor } else { Isometry3::identity() };
+            let mount = RotatingMount { body_from_stator, rotor_from_sensor };
+            RecordedRig { mount, is_rotating, body_from_imu: Isometry3::identity() }
+        }
+    };
 
-    let imu = folder.join("imu.csv");
-    let imu = table(&imu, "t,gx,gy,gz,ax,ay,az", |stamp, [gx, gy, gz, ax, ay, az]: [f64; 6]| {
-        SensorEvent::Imu(ImuSample {
-            stamp,
-            angular_velocity_radps: Vector3::new(gx, gy, gz),
-            specific_force_mps2: Vector3::new(ax, ay, az),
-        })
-    })?;
-    let encoder = match is_rotating {
+    let mut imu =
+        table(&folder.join("imu.csv"), "t,gx,gy,gz,ax,ay,az", |stamp, [gx, gy, gz, ax, ay, az]: [f64; 6]| {
+            SensorEvent::Imu(ImuSample {
+                stamp,
+                angular_velocity_radps: Vector3::new(gx, gy, gz),
+                specific_force_mps2: Vector3::new(ax, ay, az),
+            })
+        })?;
+    scale_forces(&mut imu);
+    let encoder = match rig.is_rotating {
+        true if !motor.is_file() => return Err(RecordingError::NoMotor { path: motor }),
         true => table(&motor, "t,angle", |stamp, [angle_rad]: [f64; 1]| {
             SensorEvent::Encoder(EncoderSample { stamp, angle_rad })
         })?,
         false => VecDeque::new(),
     };
-    let points = if is_rotating { "xyz_raw" } else { "xyz" };
+    let points = if rig.is_rotating { "xyz_raw" } else { "xyz" };
     let t0 = Stamp((meta.t0 * 1e9).round() as i64);
-    let scans = ScanFiles { files: scan_files(folder)?, t0, points };
+    let scans = ScanFiles { files: scan_files(folder)?, t0, points, times: None, newest: t0 };
     let sources: [Box<dyn Iterator<Item = Item>>; 3] =
         [Box::new(imu.into_iter()), Box::new(encoder.into_iter()), Box::new(scans)];
     let heads = sources.map(|mut source| (source.next(), source));
-    let rig = RecordedRig { mount, is_rotating, body_from_imu: Isometry3::identity() };
     Ok(Recording { rig, events: Box::new(Merged { heads }) })
+}
+
+/// Forces in multiples of gravity become m/s^2.
+fn scale_forces(imu: &mut VecDeque<Item>) {
+    const SAMPLES: usize = 50;
+    let forces = imu.iter().filter_map(|item| match item {
+        Ok(SensorEvent::Imu(sample)) => Some(sample.specific_force_mps2.norm()),
+        _ => None,
+    });
+    let unit_mps2 = force_unit_mps2(&forces.take(SAMPLES).collect::<Vec<_>>());
+    for item in imu {
+        if let Ok(SensorEvent::Imu(sample)) = item {
+            sample.specific_force_mps2 *= unit_mps2;
+        }
+    }
 }
 
 type Item = Result<SensorEvent, RecordingError>;
@@ -104,6 +126,34 @@ struct ScanFiles {
     files: VecDeque<PathBuf>,
     t0: Stamp,
     points: &'static str,
+    /// Known from the first scan with points on.
+    times: Option<FolderTimes>,
+    /// Start of the newest scan; an empty one counts as right after it.
+    newest: Stamp,
+}
+
+/// How the points tell their time.
+#[derive(Debug, Clone, Copy)]
+struct FolderTimes {
+    unit: TimeUnit,
+    /// Since 1970, not since t0.
+    is_absolute: bool,
+}
+
+impl FolderTimes {
+    fn of(min: f64, max: f64, t0: Stamp) -> Option<FolderTimes> {
+        let unit = TimeUnit::of_sweep(max - min, None)?;
+        // A recording of more than a day is none.
+        let after_s = [0, t0.0].map(|zero_ns| (min * unit.nanoseconds() - zero_ns as f64) * 1e-9);
+        let is_absolute = after_s.map(|s| (-2.0..86_400.0).contains(&s)) != [true, false];
+        (!is_absolute || (-2.0..86_400.0).contains(&after_s[1])).then_some(FolderTimes { unit, is_absolute })
+    }
+
+    /// After t0.
+    fn ns(&self, t: f64, t0: Stamp) -> i64 {
+        let ns = t * self.unit.nanoseconds();
+        if self.is_absolute { (ns - t0.0 as f64).round() as i64 } else { ns.round() as i64 }
+    }
 }
 
 impl Iterator for ScanFiles {
@@ -111,35 +161,52 @@ impl Iterator for ScanFiles {
 
     fn next(&mut self) -> Option<Item> {
         let path = self.files.pop_front()?;
-        let scan = read_scan(&path, self.t0, self.points);
-        Some(scan.map(SensorEvent::Scan).map_err(|source| RecordingError::Scan { path, source }))
+        let scan = self.read(&path);
+        if let Ok(scan) = &scan {
+            self.newest = scan.start;
+        }
+        Some(scan.map(SensorEvent::Scan))
     }
 }
 
-fn read_scan(path: &Path, t0: Stamp, points: &'static str) -> Result<RawScan, NpzError> {
+impl ScanFiles {
+    fn read(&mut self, path: &Path) -> Result<RawScan, RecordingError> {
+        let failed = |source| RecordingError::Scan { path: path.to_owned(), source };
+        let (positions, times, rings) = arrays(path, self.points).map_err(failed)?;
+        let finite = times.iter().copied().filter(|t| t.is_finite());
+        let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), t| (min.min(t), max.max(t)));
+        if times.is_empty() {
+            return Ok(RawScan { start: self.newest.plus_ns(1), points: Vec::new() });
+        }
+        let unclear = || RecordingError::PointTimes { path: path.to_owned(), min, max };
+        let known = self.times.or_else(|| FolderTimes::of(min, max, self.t0)).ok_or_else(unclear)?;
+        self.times = Some(known);
+        // Times that are not finite or lie more than four seconds after the first are no times of one sweep.
+        if times.iter().any(|t| !t.is_finite()) || (max - min) * known.unit.nanoseconds() > 4e9 {
+            return Err(unclear());
+        }
+        let start_ns = known.ns(min, self.t0);
+        let point = |((position, t), ring): ((&[f32; 3], &f64), &u8)| RawPoint {
+            position: Point3::from(*position),
+            offset_ns: (known.ns(*t, self.t0) - start_ns) as u32,
+            ring: u16::from(*ring),
+        };
+        let points = positions.iter().zip(&times).zip(&rings).map(point).collect();
+        Ok(RawScan { start: self.t0.plus_ns(start_ns), points })
+    }
+}
+
+type Arrays = (Vec<[f32; 3]>, Vec<f64>, Vec<u8>);
+
+fn arrays(path: &Path, points: &'static str) -> Result<Arrays, NpzError> {
     let mut file = Npz::open(path)?;
-    let positions = file.rows_of_three(points)?;
-    let times_s = file.doubles("t")?;
-    let rings = file.bytes("ring")?;
-    for (name, size, length) in [("t", 8, times_s.len()), ("ring", 1, rings.len())] {
+    let (positions, times, rings) = (file.rows_of_three(points)?, file.doubles("t")?, file.bytes("ring")?);
+    for (name, length) in [("t", times.len()), ("ring", rings.len())] {
         if length != positions.len() {
-            let (found, expected) = ((length * size) as u64, (positions.len() * size) as u64);
-            return Err(NpzError::Length { name, found, expected });
+            return Err(NpzError::Count { name, found: length, expected: positions.len() });
         }
     }
-    // Times that are not finite or lie more than four seconds after the first are no times of one sweep.
-    let start_s = times_s.iter().copied().fold(f64::INFINITY, f64::min);
-    let start_ns = (start_s * 1e9).round();
-    if times_s.iter().any(|t| t.is_nan() || t - start_s > 4.0 || t.abs() > 1e9) {
-        return Err(NpzError::Type { name: "t", expected: "seconds of one sweep" });
-    }
-    let point = |((position, t), ring): ((&[f32; 3], &f64), &u8)| RawPoint {
-        position: Point3::from(*position),
-        offset_ns: ((t * 1e9).round() - start_ns) as u32,
-        ring: u16::from(*ring),
-    };
-    let start = if times_s.is_empty() { t0 } else { t0.plus_ns(start_ns as i64) };
-    Ok(RawScan { start, points: positions.iter().zip(&times_s).zip(&rings).map(point).collect() })
+    Ok((positions, times, rings))
 }
 
 fn scan_files(folder: &Path) -> Result<VecDeque<PathBuf>, RecordingError> {
@@ -171,8 +238,18 @@ fn table<const N: usize>(
     };
     let text = read(path)?;
     let lines = text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
-    let error = |index| RecordingError::Line { path: path.to_owned(), line: index + 1, columns };
-    Ok(lines.map(|(index, line)| parse(line).ok_or_else(|| error(index))).collect())
+    let error = |index: usize, line: &str| {
+        let found = line.chars().take(60).collect();
+        RecordingError::Line { path: path.to_owned(), line: index + 1, found, columns }
+    };
+    let mut items: VecDeque<Item> = lines.map(|(index, line)| parse(line).ok_or_else(|| error(index, line))).collect();
+    // Not one good line: the table holds something else.
+    if items.iter().all(Result::is_err)
+        && let Some(Err(first)) = items.pop_front()
+    {
+        return Err(first);
+    }
+    Ok(items)
 }
 
 /// Decimal seconds to nanoseconds, digit by digit: a float would lose a quarter of a microsecond at today's dates.
@@ -275,14 +352,93 @@ mod tests {
         fs::write(folder.path().join("scans/000001.npz"), &bytes[..bytes.len() / 2]).unwrap();
         npz(&folder.path().join("scans/000002.npz"), &[0.2, 9.0]);
         npz(&folder.path().join("scans/000003.npz"), &[0.3, f64::NAN]);
-        let events: Vec<Item> = open(folder.path()).unwrap().events.collect();
-        let failed = events.iter().filter(|event| matches!(event, Err(RecordingError::Scan { .. }))).count();
+        let events: Vec<Item> = open(folder.path(), None).unwrap().events.collect();
+        let failed = events
+            .iter()
+            .filter(|event| matches!(event, Err(RecordingError::Scan { .. } | RecordingError::PointTimes { .. })))
+            .count();
         assert_eq!(failed, 3);
         fs::write(folder.path().join("meta.json"), "{").unwrap();
-        assert!(matches!(open(folder.path()), Err(RecordingError::Json { .. })));
+        assert!(matches!(open(folder.path(), None), Err(RecordingError::Json { .. })));
         fs::remove_file(folder.path().join("meta.json")).unwrap();
         let error = crate::recording::open(folder.path()).err().unwrap();
         assert!(error.to_string().contains("meta.json"), "{error}");
+    }
+
+    /// The scan's start and offsets, whatever the times are counted in.
+    #[test]
+    fn times_in_any_unit_and_from_any_zero() {
+        let folder = folder();
+        let scan = folder.path().join("scans/000000.npz");
+        let t0 = 1_700_000_000.0;
+        for (unit, zero) in [(1.0, 0.0), (1e3, 0.0), (1e6, 0.0), (1e9, 0.0), (1e3, t0), (1e6, t0), (1.0, t0)] {
+            npz(&scan, &[0.25, 0.2, 0.3].map(|t| (t + zero) * unit));
+            let events: Vec<Item> = open(folder.path(), None).unwrap().events.collect();
+            let scan = events.iter().find_map(|event| match event {
+                Ok(SensorEvent::Scan(scan)) => Some(scan),
+                _ => None,
+            });
+            let scan = scan.unwrap_or_else(|| panic!("{unit} {zero}: {events:?}"));
+            let start_ns = scan.start.0 - 1_700_000_000_000_000_000;
+            // A double holds today's date to a quarter of a microsecond.
+            assert!((start_ns - 200_000_000).abs() < 1_000, "{unit} {zero}: {start_ns}");
+            assert!((i64::from(scan.points[2].offset_ns) - 100_000_000).abs() < 1_000, "{unit} {zero}");
+        }
+        for times in [[0.2, 0.2, 0.2], [0.2, 1e5, 0.3], [5e5, 5e5 + 0.1, 5e5]] {
+            npz(&scan, &times);
+            let events: Vec<Item> = open(folder.path(), None).unwrap().events.collect();
+            let fault = events.iter().find_map(|event| match event {
+                Err(error @ RecordingError::PointTimes { .. }) => Some(error.to_string()),
+                _ => None,
+            });
+            assert!(fault.as_ref().is_some_and(|fault| fault.contains("accepted are seconds")), "{times:?}: {fault:?}");
+        }
+        // An empty scan is a scan of its own time.
+        npz(&scan, &[0.25, 0.2, 0.3]);
+        npz(&folder.path().join("scans/000001.npz"), &[]);
+        let scans = open(folder.path(), None).unwrap().events.filter(|e| matches!(e, Ok(SensorEvent::Scan(_)))).count();
+        assert_eq!(scans, 2);
+    }
+
+    #[test]
+    fn forces_in_g_are_understood_and_a_table_of_something_else_is_refused() {
+        let folder = folder();
+        let imu = folder.path().join("imu.csv");
+        fs::write(&imu, "t,gx,gy,gz,ax,ay,az\n1700000000.0,0,0,0,0,0.1,0.99\n1700000000.005,0,0,0,0,0.1,0.99\n")
+            .unwrap();
+        let events: Vec<Item> = open(folder.path(), None).unwrap().events.collect();
+        let force = events.iter().find_map(|event| match event {
+            Ok(SensorEvent::Imu(sample)) => Some(sample.specific_force_mps2.z),
+            _ => None,
+        });
+        assert!((force.unwrap() - 9.708_58).abs() < 1e-4, "{force:?}");
+        // Milliseconds do not fit into nanoseconds of 64 bits.
+        fs::write(&imu, "t,gx,gy,gz,ax,ay,az\n1700000000005.0,0,0,0,0,0,9.8\n1700000000010.0,0,0,0,0,0,9.8\n").unwrap();
+        let error = open(folder.path(), None).err().unwrap().to_string();
+        assert!(error.contains("line 2") && error.contains("1700000000005.0") && error.contains("seconds"), "{error}");
+    }
+
+    #[test]
+    fn a_rig_decides_which_points_are_read() {
+        let folder = folder();
+        let rig = |is_rotating| {
+            let mount = RotatingMount {
+                body_from_stator: Isometry3::translation(1.0, 2.0, 3.0),
+                rotor_from_sensor: Isometry3::identity(),
+            };
+            RecordedRig { mount, is_rotating, body_from_imu: Isometry3::identity() }
+        };
+        let turning = open(folder.path(), Some(rig(true))).unwrap();
+        assert_eq!(turning.rig, rig(true));
+        // The scan has no points in the stator's frame: the rig that stands still asks for them.
+        let events: Vec<Item> = open(folder.path(), Some(rig(false))).unwrap().events.collect();
+        assert!(
+            events.iter().any(|event| event.as_ref().is_err_and(|error| error.to_string().contains("xyz"))),
+            "{events:?}"
+        );
+        assert!(!events.iter().any(|event| matches!(event, Ok(SensorEvent::Encoder(_)))));
+        fs::remove_file(folder.path().join("motor.csv")).unwrap();
+        assert!(matches!(open(folder.path(), Some(rig(true))), Err(RecordingError::NoMotor { .. })));
     }
 
     #[test]

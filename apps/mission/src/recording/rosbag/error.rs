@@ -50,7 +50,7 @@ pub enum BagError {
         found: Vec<String>,
     },
     /// More than one topic of a type and no reason to prefer one.
-    #[error("{} has several topics of type {wanted}: {}; say which one", .path.display(), list(.found))]
+    #[error("{} has several topics of type {wanted}: {}; say which one (`--points`, `--imu`, `--encoder` of the command)", .path.display(), list(.found))]
     SeveralTopics {
         /// The bag.
         path: PathBuf,
@@ -96,7 +96,7 @@ pub enum BagError {
         header_s: f64,
     },
     /// No chain of static transforms joins two frames.
-    #[error("nothing in /tf_static joins frame \"{from}\" to frame \"{to}\" (it knows {}); record /tf_static or give a rig file", list(.known))]
+    #[error("nothing in /tf_static joins frame \"{from}\" to frame \"{to}\" (it knows {}); record /tf_static or give a rig file (`--rig FILE`)", list(.known))]
     NoTransform {
         /// The one.
         from: String,
@@ -254,6 +254,7 @@ impl BagError {
             BagError::Image { .. } => "images_unreadable",
             BagError::BrokenChunk => "chunks_broken",
             BagError::Truncated => "files_truncated",
+            BagError::TimeSpan { .. } | BagError::TimeReference { .. } => "scans_without_point_times",
             _ => "messages_unreadable",
         }
     }

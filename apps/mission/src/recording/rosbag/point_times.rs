@@ -37,6 +37,16 @@ impl TimeUnit {
     const ALL: [TimeUnit; 4] =
         [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
 
+    /// The unit in which a `span` is that of a sweep, where sweeps come every `period_s` (if that is known).
+    pub fn of_sweep(span: f64, period_s: Option<f64>) -> Option<TimeUnit> {
+        let is_sweep = |unit: &TimeUnit| {
+            let sweep_s = span * unit.nanoseconds() * 1e-9;
+            let fits = |period_s: f64| (SMALLEST_PART..=LARGEST_PART).contains(&(sweep_s / period_s));
+            (SHORTEST_S..LONGEST_S).contains(&sweep_s) && period_s.is_none_or(fits)
+        };
+        TimeUnit::ALL.into_iter().find(is_sweep)
+    }
+
     /// Nanoseconds in one.
     pub fn nanoseconds(self) -> f64 {
         match self {
@@ -87,12 +97,7 @@ impl PointTimes {
     pub fn decide(topic: &str, field: &str, scans: &[ScanTimes]) -> Result<PointTimes, BagError> {
         let span = median(scans.iter().map(|scan| scan.max - scan.min).collect()).unwrap_or(0.0);
         let period_s = median_period_s(scans);
-        let is_sweep = |unit: &TimeUnit| {
-            let sweep_s = span * unit.nanoseconds() * 1e-9;
-            let fits = |period_s: f64| (SMALLEST_PART..=LARGEST_PART).contains(&(sweep_s / period_s));
-            (SHORTEST_S..LONGEST_S).contains(&sweep_s) && period_s.is_none_or(fits)
-        };
-        let Some(unit) = TimeUnit::ALL.into_iter().find(is_sweep) else {
+        let Some(unit) = TimeUnit::of_sweep(span, period_s) else {
             return Err(BagError::TimeSpan { topic: topic.to_owned(), field: field.to_owned(), span, period_s });
         };
         for zero in [TimeZero::Header, TimeZero::Clock] {

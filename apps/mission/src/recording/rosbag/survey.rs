@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::BagOptions;
 use super::error::BagError;
 use super::frames::StaticFrames;
 use super::mcap_stream::{McapStream, Message};
 use super::point_cloud::{range_of, time_field};
 use super::point_times::{PointTimes, ScanTimes};
 use super::ros_messages::{CompressedImage, Header, Imu, JointState, PointCloud2, RosMessage, TfMessage, decode};
+use crate::recording::RecordingOptions;
 
 /// Scans of a topic that decide about its times.
 const SCANS: usize = 5;
@@ -23,6 +23,8 @@ const BYTES: usize = 256 << 20;
 #[derive(Debug, Default)]
 pub(super) struct Survey {
     pub(super) frames: StaticFrames,
+    /// A frame whose transform is unsound; it matters only where no rig is given.
+    unsound_frame: Option<String>,
     clouds: BTreeMap<String, CloudTopic>,
     imus: BTreeMap<String, ImuTopic>,
     joints: BTreeMap<String, JointTopic>,
@@ -52,12 +54,46 @@ struct JointTopic {
     names: Vec<String>,
 }
 
+/// How the points of a recording tell their time.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum TimesKnown {
+    /// So.
+    So(PointTimes),
+    /// In this field; no scan with a point has been seen yet.
+    NotYet(String),
+    /// They need not.
+    Never,
+}
+
+impl TimesKnown {
+    /// With the first scan that has a point in it, it is known.
+    ///
+    /// # Errors
+    /// As [`PointTimes::decide`].
+    pub(super) fn learn(&mut self, topic: &str, cloud: &PointCloud2<'_>) -> Result<(), BagError> {
+        if let TimesKnown::NotYet(field) = self
+            && let Ok(Some((min, max))) = range_of(cloud, field)
+        {
+            let scan = ScanTimes { header: cloud.header.stamp, min, max };
+            *self = TimesKnown::So(PointTimes::decide(topic, field, &[scan])?);
+        }
+        Ok(())
+    }
+
+    pub(super) fn known(&self) -> Option<&PointTimes> {
+        match self {
+            TimesKnown::So(times) => Some(times),
+            TimesKnown::NotYet(_) | TimesKnown::Never => None,
+        }
+    }
+}
+
 /// The topics of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Chosen {
     pub(super) points: String,
     pub(super) points_frame: String,
-    pub(super) times: Option<PointTimes>,
+    pub(super) times: TimesKnown,
     pub(super) imu: String,
     pub(super) imu_frame: String,
     /// Factor from the unit of the accelerometer to m/s^2.
@@ -93,7 +129,10 @@ impl Survey {
         }
         if kind == TfMessage::TYPE && topic.ends_with("tf_static") {
             if let Ok(message) = decode::<TfMessage>(message.payload) {
-                self.frames.add(&message)?;
+                match self.frames.add(&message) {
+                    Err(BagError::BadTransform { frame }) => self.unsound_frame = Some(frame),
+                    other => other?,
+                }
             }
         } else if kind == PointCloud2::TYPE {
             if let Ok(cloud) = decode::<PointCloud2<'_>>(message.payload) {
@@ -150,39 +189,45 @@ impl Survey {
     }
 
     /// Chooses the topics.
-    pub(super) fn choose(&self, bag: &Path, options: &BagOptions) -> Result<Chosen, BagError> {
+    pub(super) fn choose(&self, bag: &Path, options: &RecordingOptions) -> Result<Chosen, BagError> {
         let imu = self.only(bag, Imu::TYPE, options.imu_topic.as_deref(), self.imus.keys().collect())?;
         let imu_frame = self.imus[&imu].frame.clone();
-        let body = self.frames.body(&imu_frame)?;
         let has_joints = !self.joints.is_empty();
+        if let (Some(frame), None) = (&self.unsound_frame, options.rig) {
+            return Err(BagError::BadTransform { frame: frame.clone() });
+        }
+        // In a frame that hangs together with the IMU's: the points of a fixed LiDAR, or of a stator.
+        let is_still = |cloud: &CloudTopic| -> Result<bool, BagError> {
+            Ok(self.frames.pose(self.frames.body(&imu_frame)?, &cloud.frame)?.is_some())
+        };
 
-        // With an encoder at hand the turning cloud is the one to take: the other is made from it.
+        // With an encoder at hand the turning cloud is the one to take (the other is made from it), and with a rig the one
+        // that it speaks of.
+        let wants_turning = options.rig.map_or(has_joints, |rig| rig.is_rotating);
         let mut clouds: Vec<&String> = self.clouds.keys().collect();
-        if clouds.len() > 1 && has_joints {
-            let mut turning = Vec::new();
-            for (topic, cloud) in &self.clouds {
-                if self.frames.pose(body, &cloud.frame)?.is_none() {
-                    turning.push(topic);
-                }
-            }
-            if turning.len() == 1 {
-                clouds = turning;
+        if clouds.len() > 1 {
+            let fits = |cloud: &CloudTopic| is_still(cloud).is_ok_and(|is_still| is_still != wants_turning);
+            let fitting: Vec<&String> =
+                self.clouds.iter().filter(|(_, cloud)| fits(cloud)).map(|(topic, _)| topic).collect();
+            if fitting.len() == 1 {
+                clouds = fitting;
             }
         }
         let points = self.only(bag, PointCloud2::TYPE, options.points_topic.as_deref(), clouds)?;
         let cloud = &self.clouds[&points];
         let times = match (&cloud.time_field, options.are_point_times_needed) {
-            (_, false) => None,
-            (Some(field), true) if !cloud.scans.is_empty() => Some(PointTimes::decide(&points, field, &cloud.scans)?),
-            // Not one scan with a point in it.
-            (Some(_), true) => None,
+            (_, false) => TimesKnown::Never,
+            (Some(field), true) if !cloud.scans.is_empty() => {
+                TimesKnown::So(PointTimes::decide(&points, field, &cloud.scans)?)
+            }
+            (Some(field), true) => TimesKnown::NotYet(field.clone()),
             (None, true) => {
                 return Err(BagError::NoTimeField { topic: points, fields: cloud.fields.clone() });
             }
         };
         let is_turning = match options.rig {
             Some(rig) => rig.is_rotating,
-            None => has_joints && self.frames.pose(body, &cloud.frame)?.is_none(),
+            None => has_joints && !is_still(cloud)?,
         };
         let encoder = if is_turning { Some(self.encoder(bag, options)?) } else { None };
         let image = match (&options.image_topic, self.images.len()) {
@@ -202,7 +247,7 @@ impl Survey {
         })
     }
 
-    fn encoder(&self, bag: &Path, options: &BagOptions) -> Result<(String, String, String), BagError> {
+    fn encoder(&self, bag: &Path, options: &RecordingOptions) -> Result<(String, String, String), BagError> {
         let topic = self.only(bag, JointState::TYPE, options.encoder_topic.as_deref(), self.joints.keys().collect())?;
         let joints = &self.joints[&topic];
         let named: Vec<&String> = joints
@@ -247,7 +292,7 @@ impl Survey {
 }
 
 /// Some drivers give the specific force in multiples of gravity: at rest or in gentle motion its length is then about one.
-fn force_unit_mps2(lengths: &[f64]) -> f64 {
+pub(in crate::recording) fn force_unit_mps2(lengths: &[f64]) -> f64 {
     const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
     let mut lengths = lengths.to_vec();
     lengths.sort_by(f64::total_cmp);
