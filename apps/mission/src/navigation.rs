@@ -55,7 +55,7 @@ impl NavigationMap {
     }
 
     /// Cuts the volume at the robot's height. `floor_m` is the height of the floor in the map, `body_height_m` the height
-    /// at which the body moves above it.
+    /// at which the body moves above it, `blind_m` how far from the body's middle the floor comes into sight.
     pub fn refresh(
         &mut self,
         volume: &Volume,
@@ -63,6 +63,7 @@ impl NavigationMap {
         world_from_body: &Isometry3<f64>,
         floor_m: f64,
         body_height_m: f64,
+        blind_m: f64,
     ) {
         let (low_m, high_m) = robot.height_span_m;
         self.grid = match robot.kind {
@@ -75,7 +76,14 @@ impl NavigationMap {
                 volume.slice(body_m + low_m - HEADROOM_M, body_m + high_m + HEADROOM_M, None)
             }
         };
-        self.remember_footprint(&Point2::from(world_from_body.translation.vector.xy()));
+        // The sensors are blind for what is nearest to the body's outline. Where it was switched on they never saw the floor
+        // under their lowest ray: it counts as free unless something stands up from it. Later they have seen it from afar.
+        const BLIND_M: f64 = 0.12;
+        const MOST_BLIND_M: f64 = 1.5;
+        let usual_m = self.radius_m + BLIND_M;
+        let is_first = self.stood_on.is_empty();
+        let reach_m = if is_first { usual_m.max(blind_m.min(MOST_BLIND_M)) } else { usual_m };
+        self.remember_footprint(&Point2::from(world_from_body.translation.vector.xy()), reach_m);
         let stood_on = &self.stood_on;
         for iy in 0..self.grid.height {
             for ix in 0..self.grid.width {
@@ -100,10 +108,8 @@ impl NavigationMap {
         self.graph = VisibilityGraph::build(&view, self.clearance_m).ok();
     }
 
-    fn remember_footprint(&mut self, at: &Point2<f64>) {
-        // The sensors are blind for what is nearest to the body's outline.
-        const BLIND_M: f64 = 0.12;
-        let reach = ((self.radius_m + BLIND_M) / KEY_M).ceil() as i64;
+    fn remember_footprint(&mut self, at: &Point2<f64>, reach_m: f64) {
+        let reach = (reach_m / KEY_M).ceil() as i64;
         let (cx, cy) = key(at.x, at.y);
         for dy in -reach..=reach {
             for dx in -reach..=reach {

@@ -115,6 +115,8 @@ pub struct WorldModel {
     pub coverage: Coverage,
     /// Where this robot can go.
     pub navigation: NavigationMap,
+    /// From the body's middle, how far away the floor comes into sight: what the steepest rays of the first scans show.
+    blind_m: f64,
     /// Height of the floor.
     pub floor_m: f64,
     /// Height of the body origin above the floor when it moves.
@@ -175,6 +177,7 @@ impl WorldModel {
             },
             coverage: Coverage::new(config.coverage.clone()),
             navigation: NavigationMap::new(robot),
+            blind_m: f64::INFINITY,
             floor_m,
             body_height_m,
             ignored: Ignored::default(),
@@ -267,6 +270,7 @@ impl WorldModel {
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
+        self.see_how_near(&origin, &points);
         if let Some(looks) = &mut self.looks {
             looks.add(&origin, &points, self.floor_m);
         }
@@ -289,6 +293,16 @@ impl WorldModel {
         while self.recent.front().is_some_and(|scan| scan.stamp < oldest) {
             self.recent.pop_front();
         }
+    }
+
+    /// The steepest ray so far says where the floor comes into sight.
+    fn see_how_near(&mut self, eye: &Point3<f64>, points: &[Point3<f32>]) {
+        const CELL_M: f64 = 0.1;
+        let eye_f32 = eye.cast::<f32>();
+        let steepness = |p: &Point3<f32>| (eye_f32.z - p.z) / (p.x - eye_f32.x).hypot(p.y - eye_f32.y).max(0.1);
+        let steepest = f64::from(points.iter().map(steepness).fold(0.0, f32::max));
+        let height_m = eye.z - self.floor_m;
+        self.blind_m = self.blind_m.min(height_m / steepest.max(1e-3) + CELL_M);
     }
 
     /// Points at the height of the body, thinned to one per 4 cm.
@@ -397,6 +411,7 @@ impl WorldModel {
                 &odometry.world_from_body,
                 self.floor_m,
                 self.body_height_m,
+                self.blind_m,
             );
         });
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));

@@ -39,6 +39,11 @@ pub struct RegisterOptions {
 /// Reads, aligns, prints. `t` takes points of A into B; inliers and their root mean square distance are counted over all points
 /// of A, `cpu_ms` is the time of the alignment from the points to the pose.
 pub fn run(options: &RegisterOptions) -> Result<ExitCode> {
+    for (name, value, range) in
+        [("--leaf", options.leaf, 1e-3..=100.0), ("--max-distance", options.max_distance, 1e-3..=1e3)]
+    {
+        ensure!(range.contains(&value), "{name} {value}: accepted are {} to {} metres", range.start(), range.end());
+    }
     let (source, source_at) = read(&options.source)?;
     let (target, target_at) = read(&options.target)?;
     let config = RegistrationConfig {
@@ -85,6 +90,7 @@ pub fn run(options: &RegisterOptions) -> Result<ExitCode> {
 
 /// The points about their middle, and the middle.
 fn read(path: &Path) -> Result<(Vec<Point3<f32>>, Vector3<f64>)> {
+    ensure!(!path.is_dir(), "{} is a folder; a PLY file is needed", path.display());
     let file = File::open(path).with_context(|| format!("opening {}", path.display()))?;
     let points = read_ply_points(file).with_context(|| format!("reading {}", path.display()))?;
     let finite: Vec<&Point3<f64>> = points.iter().filter(|point| point.iter().all(|c| c.is_finite())).collect();

@@ -39,8 +39,8 @@ fn a_recording_is_followed() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name).to_str().unwrap().to_owned();
     let bag = path("bag");
-    let described = json(&["record", "--scene", "flat", "--max-time", "4", "--quiet", "--json", "--out", &bag]);
-    assert_eq!(described["scans"], 40);
+    let described = json(&["record", "--scene", "flat", "--max-time", "5", "--quiet", "--json", "--out", &bag]);
+    assert_eq!(described["scans"], 50);
 
     let summary = json(&["odometry", &bag, "--out", &path("one.tum"), "--map-out", &path("map"), "--json"]);
     let keys: Vec<&String> = summary.as_object().unwrap().keys().collect();
@@ -57,11 +57,11 @@ fn a_recording_is_followed() {
             "status_counts"
         ]
     );
-    assert_eq!(summary["scans"], 40);
-    assert!(summary["scans_tracked"].as_u64().unwrap() >= 34, "{summary}");
+    assert_eq!(summary["scans"], 50);
+    assert!(summary["scans_tracked"].as_u64().unwrap() >= 44, "{summary}");
     assert!(fs::metadata(path("map")).unwrap().len() > 1000);
 
-    // The robot stood for two seconds and then walked for two: both trajectories say how far.
+    // The robot stood for two seconds and then walked: both trajectories say how far.
     let (ours, truth) =
         (trajectory(Path::new(&path("one.tum"))), trajectory(&Path::new(&bag).join("truth/trajectory.tum")));
     let moved_m = |way: &[[f64; 4]], to_s: f64| {
@@ -70,7 +70,7 @@ fn a_recording_is_followed() {
     };
     let end_s = ours.last().unwrap()[0];
     let (by_odometry_m, in_truth_m) = (moved_m(&ours, end_s), moved_m(&truth, end_s));
-    assert!(in_truth_m > 0.2, "{in_truth_m}");
+    assert!(in_truth_m > 0.1, "{in_truth_m}");
     assert!((by_odometry_m - in_truth_m).abs() < 0.02, "{by_odometry_m} {in_truth_m}");
 
     // Threads change nothing.
@@ -82,7 +82,7 @@ fn a_recording_is_followed() {
                model = \"equirectangular\"\nwidth_px = 64\nheight_px = 32\nphi_top_rad = 1.0\nphi_bottom_rad = -1.0\n";
     fs::write(path("rig.toml"), rig).unwrap();
     let summary = json(&["odometry", &bag, "--rig", &path("rig.toml"), "--out", &path("rig.tum"), "--json"]);
-    assert!(summary["scans_tracked"].as_u64().unwrap() >= 30, "{summary}");
+    assert!(summary["scans_tracked"].as_u64().unwrap() >= 40, "{summary}");
     assert!(!summary["dropped"].as_object().unwrap().contains_key("encoder_not_later"));
     // The topic may be named; one that is not there is refused with those that are.
     let (code, _, err) = omnivln(&["odometry", &bag, "--points", "/nowhere", "--out", &path("no.tum")]);
@@ -95,7 +95,7 @@ fn a_recording_is_followed() {
     fs::write(&mcap, &bytes[..bytes.len() / 2]).unwrap();
     let summary = json(&["odometry", &bag, "--out", &path("cut.tum"), "--json"]);
     assert_eq!(summary["dropped"]["files_truncated"], 1, "{summary}");
-    assert!(summary["scans"].as_u64().unwrap() < 30);
+    assert!(summary["scans"].as_u64().unwrap() < 40);
 }
 
 #[test]

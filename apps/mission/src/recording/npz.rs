@@ -13,6 +13,12 @@ pub enum NpzError {
     /// The archive is truncated or no archive.
     #[error("not a whole zip archive: {0}")]
     Archive(#[from] zip::result::ZipError),
+    /// There is no such array.
+    #[error("it holds no array {name}")]
+    Missing {
+        /// Name of the array.
+        name: &'static str,
+    },
     /// Reading failed midway.
     #[error(transparent)]
     Io(#[from] std::io::Error),
@@ -134,7 +140,10 @@ impl<R: Read + Seek> Npz<R> {
     }
 
     fn array(&mut self, name: &'static str) -> Result<Array, NpzError> {
-        let mut entry = self.archive.by_name(&format!("{name}.npy"))?;
+        let mut entry = match self.archive.by_name(&format!("{name}.npy")) {
+            Err(zip::result::ZipError::FileNotFound) => return Err(NpzError::Missing { name }),
+            entry => entry?,
+        };
         let (kind, shape, size) = header(&mut entry).ok_or(NpzError::Header { name })?;
         let count = shape.iter().try_fold(1_u64, |product, &n| product.checked_mul(n as u64));
         let expected = count.and_then(|count| count.checked_mul(size)).unwrap_or(u64::MAX);
