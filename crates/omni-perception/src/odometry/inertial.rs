@@ -143,7 +143,7 @@ impl ImuBuffer {
             let (input, inflation) = treated(&interval, &state, motion);
             covariance = propagate_covariance(&covariance, &state, &input, interval.until, config, inflation);
             let (next, knot) = step(&state, &input, interval.until);
-            knots.push(knot);
+            knots.push(Knot { noise_inflation: inflation, ..knot });
             state = next;
         }
         state.stamp = state.stamp.max(to);
@@ -180,6 +180,7 @@ impl ImuBuffer {
                 velocity_mps: velocity,
                 rate_radps: rate,
                 acceleration_mps2: acceleration,
+                noise_inflation: noise_inflation(interval),
             });
         }
         knots.reverse();
@@ -220,10 +221,14 @@ fn is_gap(dt_s: f64, interval: &Interval) -> bool {
     interval.is_doubtful && dt_s > GAP_S
 }
 
+fn noise_inflation(interval: &Interval) -> f64 {
+    if interval.is_doubtful { DOUBTFUL_INFLATION } else { 1.0 }
+}
+
 /// The input with the force that the motion allows, and the factor of its noise.
 fn treated(interval: &Interval, state: &ImuState, motion: Motion) -> (ImuInput, f64) {
     let dt_s = interval.until.seconds_since(state.stamp);
-    let inflation = if interval.is_doubtful { DOUBTFUL_INFLATION } else { 1.0 };
+    let inflation = noise_inflation(interval);
     if motion == Motion::Inertial && !is_gap(dt_s, interval) {
         return (interval.input, inflation);
     }

@@ -43,6 +43,8 @@ pub struct Knot {
     pub rate_radps: Vector3<f64>,
     /// Acceleration over the interval, in the world.
     pub acceleration_mps2: Vector3<f64>,
+    /// Factor on the variance of the noise: more than one over a gap or beside a saturated sample.
+    pub noise_inflation: f64,
 }
 
 impl Knot {
@@ -71,6 +73,7 @@ pub fn step(state: &ImuState, input: &ImuInput, until: Stamp) -> (ImuState, Knot
         velocity_mps: state.velocity_mps,
         rate_radps: rate,
         acceleration_mps2: acceleration,
+        noise_inflation: 1.0,
     };
     let pose = knot.world_from_imu(until);
     let next = ImuState {
