@@ -45,6 +45,16 @@ fn label_327k_points(bencher: Bencher) {
 }
 
 #[divan::bench]
+fn project_and_see_327k_points(bencher: Bencher) {
+    let moment = moment();
+    let camera_from_world = moment.world_from_camera.inverse().cast::<f32>();
+    let points: Vec<Point3<f32>> = moment.points_in_world.iter().map(|p| camera_from_world * p).collect();
+    bencher
+        .counter(divan::counter::ItemsCount::new(points.len()))
+        .bench(|| visible_points(&points, &moment.camera, &LabelConfig::default()));
+}
+
+#[divan::bench]
 fn observe_327k_points(bencher: Bencher) {
     let moment = moment();
     let panorama = moment.panorama();

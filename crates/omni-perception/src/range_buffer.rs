@@ -33,6 +33,15 @@ pub(crate) struct Candidate {
     pub(crate) mask: u16,
 }
 
+/// What the camera sees of a whole cloud, masks or not: [`RangeBuffer`] for every cell.
+pub(crate) struct WholeView {
+    buffer: RangeBuffer,
+    /// Where each point falls.
+    blocks: Vec<PixelBlock>,
+    /// The least range of each cell and its neighbours.
+    nearest_around_m: Vec<f32>,
+}
+
 /// When a nearer point does not hide a farther one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
@@ -243,8 +252,77 @@ impl RangeBuffer {
     }
 }
 
+impl WholeView {
+    /// Projects all points and keeps the nearest of each cell.
+    pub(crate) fn new(points: &[Point3<f32>], view: &View, camera: &Equirectangular, cell_px: u32) -> WholeView {
+        let columns = camera.width_px.div_ceil(cell_px) as usize;
+        let rows = camera.height_px.div_ceil(cell_px) as usize;
+        let grid =
+            CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: Vec::new(), is_near: Vec::new() };
+        let projection = FastProjection::new(camera);
+        let mut blocks: Vec<PixelBlock> = Vec::new();
+        blocks.resize_with(points.len().div_ceil(BLOCK), PixelBlock::default);
+        let mut range_m = vec![f32::INFINITY; columns * rows];
+        let mut at = vec![(0.0, 0.0); columns * rows];
+        let mut cells = [0; BLOCK];
+        for (points, pixels) in points.chunks(BLOCK).zip(&mut blocks) {
+            projection.project_block(points, view, pixels);
+            grid.cells_of(pixels, &mut cells);
+            for (index, &cell) in cells.iter().enumerate().take(points.len()) {
+                let nearest_m = &mut range_m[cell as usize];
+                if pixels.range_m[index] < *nearest_m && pixels.range_m[index] > 0.0 {
+                    *nearest_m = pixels.range_m[index];
+                    at[cell as usize] = (pixels.u[index], pixels.v[index]);
+                }
+            }
+        }
+        let nearest_around_m = least_of_neighbours(&range_m, columns);
+        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
+        WholeView { buffer: RangeBuffer { grid, width, rad_per_px, range_m, at }, blocks, nearest_around_m }
+    }
+
+    /// For each of the `count` points whether it is in the image and nothing nearer stands before it.
+    pub(crate) fn visible(&self, count: usize, tolerance: &Tolerance) -> Vec<bool> {
+        let mut visible = vec![false; count];
+        let mut cells = [0; BLOCK];
+        for (visible, pixels) in visible.chunks_mut(BLOCK).zip(&self.blocks) {
+            self.buffer.grid.cells_of(pixels, &mut cells);
+            for (index, visible) in visible.iter_mut().enumerate() {
+                let range_m = pixels.range_m[index];
+                let step_m = tolerance.step_m.max(tolerance.step_share * range_m);
+                // Most points have nothing nearer around them: one look, and no need to ask the neighbours one by one.
+                let is_open = range_m - self.nearest_around_m[cells[index] as usize] - step_m <= 0.0;
+                *visible = range_m > 0.0
+                    && (is_open || {
+                        let point = Candidate { u: pixels.u[index], v: pixels.v[index], range_m, point: 0, mask: 0 };
+                        self.buffer.is_visible(&point, tolerance)
+                    });
+            }
+        }
+        visible
+    }
+}
+
+/// The least of each cell and its eight neighbours; columns wrap.
+fn least_of_neighbours(range_m: &[f32], columns: usize) -> Vec<f32> {
+    // Along the rows first, then across them.
+    let mut along = range_m.to_vec();
+    for (row, along) in range_m.chunks_exact(columns).zip(along.chunks_exact_mut(columns)) {
+        along[1..].iter_mut().zip(row).for_each(|(least, left)| *least = least.min(*left));
+        along.iter_mut().zip(&row[1..]).for_each(|(least, right)| *least = least.min(*right));
+        along[0] = along[0].min(row[columns - 1]);
+        along[columns - 1] = along[columns - 1].min(row[0]);
+    }
+    let mut least = along.clone();
+    least[columns..].iter_mut().zip(&along).for_each(|(least, above)| *least = least.min(*above));
+    least.iter_mut().zip(&along[columns..]).for_each(|(least, below)| *least = least.min(*below));
+    least
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::mask_index::Erosion;
     use crate::mask_outline::Outline;
@@ -315,5 +393,29 @@ mod tests {
         // A table top 0.4 m below, 2 m away: two rows of 0.1875 degrees are 0.07 m of range.
         check((100.0, 382.0, 2.0), (100.0, 380.0, 2.07), true);
         check((100.0, 382.0, 2.0), (100.0, 381.9, 2.2), false); // a larger step straight behind
+    }
+
+    proptest! {
+        #[test]
+        fn the_short_way_to_visibility_is_the_long_one(
+            points in prop::collection::vec(prop::array::uniform3(-4.0..4.0_f32), 0..400), width_px in 3..60_u32, cell_px in 1..5_u32
+        ) {
+            let camera = Equirectangular { width_px, height_px: 11, ..Equirectangular::default() };
+            let points: Vec<Point3<f32>> = points.into_iter().map(Point3::from).chain([Point3::new(f32::NAN, 0.0, 0.0)]).collect();
+            let seen = WholeView::new(&points, &View::Camera, &camera, cell_px);
+            let visible = seen.visible(points.len(), &TOLERANCE);
+            // A mask over the whole image: each point of the image is a candidate, and asks all its neighbours.
+            let rle = Rle::from_counts(width_px, 11, &[0, width_px * 11]).expect("fills the image");
+            let masks = [Mask::new(rle, "all", 1.0)];
+            let outlines = [Outline::new(&masks[0].rle)];
+            let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
+            let index = MaskIndex::new(&masks, &outlines, width_px, 11, &none);
+            let filled = RangeBuffer::fill(&points, &View::Camera, &camera, cell_px, &index);
+            let mut expected = vec![false; points.len()];
+            for candidate in &filled.candidates {
+                expected[candidate.point as usize] = filled.buffer.is_visible(candidate, &TOLERANCE);
+            }
+            prop_assert_eq!(visible, expected);
+        }
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 use omni_perception::odometry::degeneracy::Degeneracy;
 use omni_perception::odometry::plane::{Moments, PlaneTest};
-use omni_perception::odometry::propagation::{ImuInput, propagate_covariance, step, symmetric, transition};
+use omni_perception::odometry::propagation::{ImuInput, Inflation, propagate_covariance, step, symmetric, transition};
 use omni_perception::odometry::state::{
     ACCEL_BIAS, Covariance, DOF, GRAVITY, GYRO_BIAS, ImuState, POSITION, ROTATION, Tangent, VELOCITY,
 };
@@ -129,7 +129,7 @@ mod prediction {
             let (mut state, mut covariance) = (state, start);
             for input in &inputs {
                 let until = state.stamp.plus_ns(5_000_000);
-                covariance = propagate_covariance(&covariance, &state, input, until, &LioConfig::default(), 1.0);
+                covariance = propagate_covariance(&covariance, &state, input, until, &LioConfig::default(), Inflation::NONE);
                 state = step(&state, input, until).0;
             }
             prop_assert!(covariance.cholesky().is_some());

@@ -34,7 +34,7 @@ pub(crate) fn belief_at(
         let from = if number == at { stamp } else { knot.stamp };
         let state = state_on(knot, &end.state, from);
         let input = input_of(knot, &state, until);
-        let noise = propagate_covariance(&Covariance::zeros(), &state, &input, until, config, knot.noise_inflation);
+        let noise = propagate_covariance(&Covariance::zeros(), &state, &input, until, config, knot.inflation);
         // F is the identity but for what moves within milliseconds: always invertible.
         let back = transition(&state, &input, until).try_inverse()?;
         covariance = symmetric(&(back * (covariance + noise) * back.transpose()));
@@ -76,6 +76,7 @@ mod tests {
     use crate::ImuSample;
     use crate::odometry::inertial::{ImuBuffer, Motion};
     use crate::odometry::laws::{belief, vector};
+    use crate::odometry::propagation::Inflation;
     use crate::odometry::state::{DOF, Tangent};
 
     /// An IMU that turns and is shaken, 0.1 s at 200 Hz, from the time of the belief on.
@@ -114,7 +115,7 @@ mod tests {
                 let until = knot.stamp.plus_ns(5_000_000);
                 let at = state_on(knot, &end.state, knot.stamp);
                 let input = input_of(knot, &at, until);
-                let one = propagate_covariance(&Covariance::zeros(), &at, &input, until, &config, 1.0);
+                let one = propagate_covariance(&Covariance::zeros(), &at, &input, until, &config, Inflation::NONE);
                 let back = transition(&at, &input, until).try_inverse().expect("invertible");
                 noise = back * (noise + one) * back.transpose();
             }

@@ -1,18 +1,20 @@
 //! Generators for the laws of the filter's private parts, and the laws that join several of them: long runs, and scans put
 //! into the map twice.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Isometry3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use crate::odometry::config::LioConfig;
 use crate::odometry::degeneracy::Degeneracy;
 use crate::odometry::filter::{Belief, standing};
-use crate::odometry::propagation::{ImuInput, propagate_covariance, step, symmetric};
+use crate::odometry::propagation::{ImuInput, Inflation, propagate_covariance, step, symmetric};
 use crate::odometry::state::{Covariance, DOF, GRAVITY_MPS2, ImuState, Tangent};
 use crate::odometry::sweep::{SensorMotion, Sweep, SweepLimits};
 use crate::odometry::tracking::{Tracked, additions};
 use crate::odometry::update::{PlaneResidual, update};
-use crate::odometry::voxel_map::VoxelMap;
+use crate::odometry::voxel_map::{Cell, VoxelMap};
 use crate::{EncoderTrack, RawPoint, RawScan, RotatingMount, Stamp};
 
 pub(crate) fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
@@ -88,7 +90,7 @@ fn live(belief: &Belief, tenth: &Tenth, mut check: impl FnMut(&'static str, &Bel
         let until = state.stamp.plus_ns(5_000_000);
         let force_mps2 = tenth.push_mps2 + state.rotation.inverse() * Vector3::z() * GRAVITY_MPS2;
         let input = ImuInput { rate_radps: tenth.rate_radps, force_mps2, is_coasting: false };
-        let inflation = if tenth.is_doubtful { 1e4 } else { 1.0 };
+        let inflation = if tenth.is_doubtful { Inflation { gyro: 1e6, accel: 1e4 } } else { Inflation::NONE };
         covariance = propagate_covariance(&covariance, &state, &input, until, &config, inflation);
         state = step(&state, &input, until).0;
     }
@@ -139,6 +141,12 @@ proptest! {
         }
     }
 }
+
+/// How far planes move when the scan they were made of comes again, once or several times: half of them, 99 of 100, all;
+/// and the share that is given up. Measured over a hundred rooms: 0, 2.6, 12 mm and 0.1 % for once; for 79 times
+/// 0.1, 6.7, 25 mm and 3 %, all but the first in cells at edges.
+const TWICE: [f64; 4] = [1e-4, 0.005, 0.03, 0.01];
+const OFTEN: [f64; 4] = [5e-4, 0.01, 0.05, 0.04];
 
 /// A scan without motion: rays to all sides in a room of three sizes, from a place inside, with 1.5 cm of noise.
 fn scan_of_room(half_m: &Vector3<f64>, world_from_imu: &Isometry3<f64>, seed: u64) -> RawScan {
@@ -216,24 +224,40 @@ proptest! {
         let mut sweep = Sweep::default();
         let points = put(&scan, &world_from_imu, &mut map, &mut sweep);
         let before = map.clone();
-        for again in 0..4 {
+        // What the notes mean by idempotent. A cell is not refused its second scan: it counts twice, and is fitted again
+        // until it is finished. So its plane may move by the little that the first scan left open, and no more.
+        let voxels = |map: &VoxelMap| map.cells().iter().map(|cell| cell.key).collect::<BTreeSet<_>>();
+        let height = |cell: &Cell, at: [f32; 3]| {
+            let [x, y, z, offset] = cell.plane;
+            f64::from(x * at[0] + y * at[1] + z * at[2] + offset)
+        };
+        for again in 1..8 {
+            let last = map.clone();
             prop_assert_eq!(put(&scan, &world_from_imu, &mut map, &mut sweep), points);
             map.check_invariants();
-            let voxels = |map: &VoxelMap| map.cells().iter().map(|cell| cell.key).collect::<std::collections::BTreeSet<_>>();
-            let (new, lost) = (voxels(&map).difference(&voxels(&before)).count(), before.cells().iter().zip(map.cells()).filter(|(a, b)| a.has_plane() && !b.has_plane()).count());
-            let gained = before.cells().iter().zip(map.cells()).filter(|(a, b)| !a.has_plane() && b.has_plane()).count();
-            let mut moves: Vec<(f64, f64)> = Vec::new();
-            for (old, now) in before.cells().iter().zip(map.cells()) {
-                if old.has_plane() && now.has_plane() {
-                    let plane = |c: &crate::odometry::voxel_map::Cell| (Vector3::new(c.plane[0], c.plane[1], c.plane[2]).cast::<f64>(), f64::from(c.plane[3]));
-                    let ((n0, d0), (n1, d1)) = (plane(old), plane(now));
-                    let mean = Vector3::from(old.mean_m).cast::<f64>();
-                    moves.push(((n1.dot(&mean) + d1 - n0.dot(&mean) - d0).abs(), n0.angle(&n1)));
+            // Not one new voxel; now and then the other side of one at an edge.
+            prop_assert_eq!(voxels(&map), voxels(&before));
+            prop_assert!(map.len() as f64 <= 1.01 * before.len() as f64, "{} {}", map.len(), before.len());
+            // A finished cell does not change by a bit.
+            for (old, new) in last.cells().iter().zip(map.cells()).filter(|(old, _)| old.count >= 60.0) {
+                prop_assert_eq!((old.count, old.mean_m, old.plane), (new.count, new.mean_m, new.plane));
+            }
+            // The planes stay where they are: so far at the middle of their points.
+            let (mut moves_m, mut lost) = (Vec::new(), 0);
+            for (old, new) in before.cells().iter().zip(map.cells()).filter(|(old, _)| old.has_plane()) {
+                match new.has_plane() {
+                    true => moves_m.push((height(old, old.mean_m) - height(new, old.mean_m)).abs()),
+                    false => lost += 1,
                 }
             }
-            let worst = moves.iter().fold((0.0_f64, 0.0_f64), |w, m| (w.0.max(m.0), w.1.max(m.1)));
-            moves.sort_by(|a, b| a.0.total_cmp(&b.0));
-            println!("{again}: cells {} -> {}, new voxels {new}, lost {lost} gained {gained} planes {} worst {:.5} m {:.4} rad, p99 {:.5} median {:.6}", before.len(), map.len(), moves.len(), worst.0, worst.1, moves[moves.len() * 99 / 100].0, moves[moves.len() / 2].0);
+            moves_m.sort_by(f64::total_cmp);
+            let count = moves_m.len();
+            let [middle_m, most_m, all_m] = [moves_m[count / 2], moves_m[count * 99 / 100], moves_m[count - 1]];
+            let limits = if again == 1 { TWICE } else { OFTEN };
+            prop_assert!(
+                middle_m < limits[0] && most_m < limits[1] && all_m < limits[2] && f64::from(lost) < limits[3] * count as f64,
+                "{}: {} {} {}, {} lost of {}", again, middle_m, most_m, all_m, lost, count
+            );
         }
     }
 }

@@ -298,6 +298,7 @@ mod tests {
 
     use super::*;
     use crate::odometry::laws::{rotation, vector};
+    use crate::odometry::propagation::Inflation;
     use crate::{DeskewConfig, EncoderSample, OdometryEstimate, ReferenceTime, Trajectory, deskew_exactly};
 
     /// The blend, STEP_NS long, at the 15 rad/s of the body and 6 of the motor: (21 * 5e-4)^2 / 8 of 25 m. The constant
@@ -336,7 +337,7 @@ mod tests {
                     velocity_mps: pose.rotation * velocity,
                     rate_radps: rate,
                     acceleration_mps2: middle * rate.cross(&velocity),
-                    noise_inflation: 1.0,
+                    inflation: Inflation::NONE,
                 });
                 let estimate = OdometryEstimate {
                     velocity_in_world_mps: pose.rotation * velocity,
