@@ -43,7 +43,10 @@ fn main() {
     assert_eq!(observe(&panorama).objects.len(), panorama.masks.len());
     let camera_from_world = moment.world_from_camera.inverse().cast::<f32>();
     let points: Vec<_> = moment.points_in_world.iter().map(|p| camera_from_world * p).collect();
-    let seeing = best(|| assert!(visible_points(&points, &moment.camera, &LabelConfig::default()).is_ok()));
+    let mut visibility = Visibility::new(&moment.camera, &LabelConfig::default()).expect("sound");
+    let mut visible = Vec::new();
+    let seeing = best(|| visibility.see(&points, &mut visible));
+    assert!(visible.iter().filter(|is_visible| **is_visible).count() * 2 > count);
     let per_second = count as f64 / seeing.as_secs_f64() / 1e6;
     println!(
         "projection, range buffer and visibility alone: {:.1} ms, {per_second:.1} million points a second",

@@ -126,5 +126,5 @@ pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
 pub use stitch::{Gain, Lens, LensPixel, StitchConfig, StitchError, Stitcher, stitch_plainly};
 pub use trajectory::{Trajectory, TrajectoryError};
-pub use visibility::visible_points;
+pub use visibility::{Visibility, visible_points};
 pub use vote::{LabelVote, VoteResult};

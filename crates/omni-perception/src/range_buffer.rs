@@ -33,13 +33,16 @@ pub(crate) struct Candidate {
     pub(crate) mask: u16,
 }
 
-/// What the camera sees of a whole cloud, masks or not: [`RangeBuffer`] for every cell.
+/// What the camera sees of a whole cloud, masks or not: [`RangeBuffer`] for every cell. Its memory serves cloud after cloud.
+#[derive(Debug, Clone)]
 pub(crate) struct WholeView {
+    projection: FastProjection,
     buffer: RangeBuffer,
     /// Where each point falls.
     blocks: Vec<PixelBlock>,
-    /// The least range of each cell and its neighbours.
-    nearest_around_m: Vec<f32>,
+    /// The least range of each cell and its neighbours in the row, and of all its neighbours.
+    along_m: Vec<f32>,
+    around_m: Vec<f32>,
 }
 
 /// When a nearer point does not hide a farther one.
@@ -253,70 +256,94 @@ impl RangeBuffer {
 }
 
 impl WholeView {
-    /// Projects all points and keeps the nearest of each cell.
-    pub(crate) fn new(points: &[Point3<f32>], view: &View, camera: &Equirectangular, cell_px: u32) -> WholeView {
+    pub(crate) fn new(camera: &Equirectangular, cell_px: u32) -> WholeView {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let grid =
-            CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: Vec::new(), is_near: Vec::new() };
-        let projection = FastProjection::new(camera);
-        let mut blocks: Vec<PixelBlock> = Vec::new();
-        blocks.resize_with(points.len().div_ceil(BLOCK), PixelBlock::default);
-        let mut range_m = vec![f32::INFINITY; columns * rows];
-        let mut at = vec![(0.0, 0.0); columns * rows];
-        let mut cells = [0; BLOCK];
-        for (points, pixels) in points.chunks(BLOCK).zip(&mut blocks) {
-            projection.project_block(points, view, pixels);
+        let cells_per_px = 1.0 / cell_px as f32;
+        let grid = CellGrid { columns, rows, cells_per_px, shows: Vec::new(), is_near: Vec::new() };
+        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
+        let far = vec![f32::INFINITY; columns * rows];
+        let at = vec![(0.0, 0.0); columns * rows];
+        WholeView {
+            projection: FastProjection::new(camera),
+            buffer: RangeBuffer { grid, width, rad_per_px, range_m: far.clone(), at },
+            blocks: Vec::new(),
+            along_m: far.clone(),
+            around_m: far,
+        }
+    }
+
+    /// Projects all points and keeps the nearest of each cell.
+    pub(crate) fn fill(&mut self, points: &[Point3<f32>], view: &View) {
+        let RangeBuffer { grid, range_m, at, .. } = &mut self.buffer;
+        range_m.fill(f32::INFINITY);
+        self.blocks.resize_with(points.len().div_ceil(BLOCK), PixelBlock::default);
+        let (mut cells, mut before_m) = ([0; BLOCK], [0.0; BLOCK]);
+        for (points, pixels) in points.chunks(BLOCK).zip(&mut self.blocks) {
+            self.projection.project_block(points, view, pixels);
+            // What the rest of a block holds must not reach the cells.
+            pixels.range_m[points.len()..].fill(0.0);
             grid.cells_of(pixels, &mut cells);
+            // All cells are fetched before any is decided: the misses of the cache then overlap.
+            gather(range_m, &cells, &mut before_m);
             for (index, &cell) in cells.iter().enumerate().take(points.len()) {
-                let nearest_m = &mut range_m[cell as usize];
-                if pixels.range_m[index] < *nearest_m && pixels.range_m[index] > 0.0 {
-                    *nearest_m = pixels.range_m[index];
+                let point_m = pixels.range_m[index];
+                if point_m < before_m[index] && point_m > 0.0 && point_m < range_m[cell as usize] {
+                    range_m[cell as usize] = point_m;
                     at[cell as usize] = (pixels.u[index], pixels.v[index]);
                 }
             }
         }
-        let nearest_around_m = least_of_neighbours(&range_m, columns);
-        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
-        WholeView { buffer: RangeBuffer { grid, width, rad_per_px, range_m, at }, blocks, nearest_around_m }
+        least_of_neighbours(range_m, grid.columns, &mut self.along_m, &mut self.around_m);
     }
 
-    /// For each of the `count` points whether it is in the image and nothing nearer stands before it.
-    pub(crate) fn visible(&self, count: usize, tolerance: &Tolerance) -> Vec<bool> {
-        let mut visible = vec![false; count];
-        let mut cells = [0; BLOCK];
+    /// For each of the points whether it is in the image and nothing nearer stands before it.
+    pub(crate) fn see(&self, tolerance: &Tolerance, visible: &mut [bool]) {
+        let (mut cells, mut around_m) = ([0; BLOCK], [0.0; BLOCK]);
         for (visible, pixels) in visible.chunks_mut(BLOCK).zip(&self.blocks) {
             self.buffer.grid.cells_of(pixels, &mut cells);
+            gather(&self.around_m, &cells, &mut around_m);
             for (index, visible) in visible.iter_mut().enumerate() {
                 let range_m = pixels.range_m[index];
                 let step_m = tolerance.step_m.max(tolerance.step_share * range_m);
                 // Most points have nothing nearer around them: one look, and no need to ask the neighbours one by one.
-                let is_open = range_m - self.nearest_around_m[cells[index] as usize] - step_m <= 0.0;
+                let is_open = range_m - around_m[index] - step_m <= 0.0;
                 *visible = range_m > 0.0
                     && (is_open || {
-                        let point = Candidate { u: pixels.u[index], v: pixels.v[index], range_m, point: 0, mask: 0 };
-                        self.buffer.is_visible(&point, tolerance)
+                        let (u, v) = (pixels.u[index], pixels.v[index]);
+                        self.buffer.is_visible(&Candidate { u, v, range_m, point: 0, mask: 0 }, tolerance)
                     });
             }
         }
-        visible
+    }
+}
+
+/// The numbers of a block's cells.
+#[inline(always)]
+fn gather(from: &[f32], cells: &[i32; BLOCK], into: &mut [f32; BLOCK]) {
+    for (number, &cell) in into.iter_mut().zip(cells) {
+        *number = from[cell as usize];
     }
 }
 
 /// The least of each cell and its eight neighbours; columns wrap.
-fn least_of_neighbours(range_m: &[f32], columns: usize) -> Vec<f32> {
+fn least_of_neighbours(range_m: &[f32], columns: usize, along: &mut [f32], around: &mut [f32]) {
+    let least = |a: f32, b: f32| if b < a { b } else { a };
     // Along the rows first, then across them.
-    let mut along = range_m.to_vec();
     for (row, along) in range_m.chunks_exact(columns).zip(along.chunks_exact_mut(columns)) {
-        along[1..].iter_mut().zip(row).for_each(|(least, left)| *least = least.min(*left));
-        along.iter_mut().zip(&row[1..]).for_each(|(least, right)| *least = least.min(*right));
-        along[0] = along[0].min(row[columns - 1]);
-        along[columns - 1] = along[columns - 1].min(row[0]);
+        for (along, three) in along.iter_mut().skip(1).zip(row.windows(3)) {
+            *along = least(least(three[0], three[1]), three[2]);
+        }
+        for column in [0, columns - 1] {
+            let [left, column, right] = with_neighbours(column, columns);
+            along[column] = least(least(row[left], row[column]), row[right]);
+        }
     }
-    let mut least = along.clone();
-    least[columns..].iter_mut().zip(&along).for_each(|(least, above)| *least = least.min(*above));
-    least.iter_mut().zip(&along[columns..]).for_each(|(least, below)| *least = least.min(*below));
-    least
+    around.copy_from_slice(along);
+    if along.len() > columns {
+        around[columns..].iter_mut().zip(&*along).for_each(|(around, above)| *around = least(*around, *above));
+        around.iter_mut().zip(&along[columns..]).for_each(|(around, below)| *around = least(*around, *below));
+    }
 }
 
 #[cfg(test)]
@@ -402,8 +429,13 @@ mod tests {
         ) {
             let camera = Equirectangular { width_px, height_px: 11, ..Equirectangular::default() };
             let points: Vec<Point3<f32>> = points.into_iter().map(Point3::from).chain([Point3::new(f32::NAN, 0.0, 0.0)]).collect();
-            let seen = WholeView::new(&points, &View::Camera, &camera, cell_px);
-            let visible = seen.visible(points.len(), &TOLERANCE);
+            let mut seen = WholeView::new(&camera, cell_px);
+            let mut visible = vec![false; points.len()];
+            // Twice: nothing of the first cloud is left.
+            for cloud in [&points[points.len() / 2..], &points] {
+                seen.fill(cloud, &View::Camera);
+                seen.see(&TOLERANCE, &mut visible[..cloud.len()]);
+            }
             // A mask over the whole image: each point of the image is a candidate, and asks all its neighbours.
             let rle = Rle::from_counts(width_px, 11, &[0, width_px * 11]).expect("fills the image");
             let masks = [Mask::new(rle, "all", 1.0)];

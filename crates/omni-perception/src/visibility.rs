@@ -28,10 +28,37 @@ pub fn visible_points(
     camera: &Equirectangular,
     config: &LabelConfig,
 ) -> Result<Vec<bool>, LabelError> {
-    camera.validate()?;
-    config.validate()?;
-    let tolerance =
-        Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
-    let view = WholeView::new(points_in_camera, &View::Camera, camera, config.cell_px);
-    Ok(view.visible(points_in_camera.len(), &tolerance))
+    let mut visible = Vec::new();
+    Visibility::new(camera, config)?.see(points_in_camera, &mut visible);
+    Ok(visible)
+}
+
+/// [`visible_points`] for cloud after cloud, in the same memory.
+#[derive(Debug, Clone)]
+pub struct Visibility {
+    view: WholeView,
+    tolerance: Tolerance,
+}
+
+impl Visibility {
+    /// Takes about 30 bytes for each cell of the image.
+    ///
+    /// # Errors
+    /// [`LabelError`] for an unsound camera or configuration.
+    pub fn new(camera: &Equirectangular, config: &LabelConfig) -> Result<Visibility, LabelError> {
+        camera.validate()?;
+        config.validate()?;
+        let tolerance =
+            Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
+        Ok(Visibility { view: WholeView::new(camera, config.cell_px), tolerance })
+    }
+
+    /// Writes for each point, in the camera frame, whether the camera sees it. After the first cloud of a size nothing is
+    /// allocated.
+    pub fn see(&mut self, points_in_camera: &[Point3<f32>], visible: &mut Vec<bool>) {
+        visible.clear();
+        visible.resize(points_in_camera.len(), false);
+        self.view.fill(points_in_camera, &View::Camera);
+        self.view.see(&self.tolerance, visible);
+    }
 }
