@@ -41,6 +41,17 @@ fn main() {
     );
     println!("  of that projection and range buffer: {:.1} ms", projecting.as_secs_f64() * 1e3);
     assert_eq!(observe(&panorama).objects.len(), panorama.masks.len());
+    let camera_from_world = moment.world_from_camera.inverse().cast::<f32>();
+    let points: Vec<_> = moment.points_in_world.iter().map(|p| camera_from_world * p).collect();
+    let mut visibility = Visibility::new(&moment.camera, &LabelConfig::default()).expect("sound");
+    let mut visible = Vec::new();
+    let seeing = best(|| visibility.see(&points, &mut visible));
+    assert!(visible.iter().filter(|is_visible| **is_visible).count() * 2 > count);
+    let per_second = count as f64 / seeing.as_secs_f64() / 1e6;
+    println!(
+        "projection, range buffer and visibility alone: {:.1} ms, {per_second:.1} million points a second",
+        seeing.as_secs_f64() * 1e3
+    );
 
     // 3. Two fisheyes of 1024 x 1024 pixels and 190 degrees to one panorama of 1920 x 640.
     let (lenses, images) = two_fisheyes();

@@ -26,6 +26,18 @@ pub enum ReferenceTime {
     At(Stamp),
 }
 
+impl ReferenceTime {
+    /// The time meant for a scan from `start` to `end`.
+    pub fn stamp(self, start: Stamp, end: Stamp) -> Stamp {
+        match self {
+            ReferenceTime::Start => start,
+            ReferenceTime::Mid => start.plus_ns(end.0.saturating_sub(start.0) / 2),
+            ReferenceTime::End => end,
+            ReferenceTime::At(stamp) => stamp,
+        }
+    }
+}
+
 /// Which points are kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeskewConfig {
@@ -181,13 +193,7 @@ impl<'a> ReferenceFrame<'a> {
         config: &DeskewConfig,
     ) -> Result<ReferenceFrame<'a>, DeskewError> {
         config.validate()?;
-        let (start, end) = (scan.start, scan.end());
-        let stamp = match reference {
-            ReferenceTime::Start => start,
-            ReferenceTime::Mid => start.plus_ns((end.0.saturating_sub(start.0)) / 2),
-            ReferenceTime::End => end,
-            ReferenceTime::At(stamp) => stamp,
-        };
+        let (start, stamp) = (scan.start, reference.stamp(scan.start, scan.end()));
         let world_from_body = trajectory.world_from_body(stamp).ok_or(DeskewError::NoReferencePose { stamp })?;
         let body_from_world = world_from_body.inverse();
         Ok(ReferenceFrame { start, encoder, mount, trajectory, stamp, world_from_body, body_from_world })

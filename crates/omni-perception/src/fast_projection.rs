@@ -107,6 +107,7 @@ fn turned(m: &Matrix3<f32>, v: &Vector3<f32>) -> Point3<f32> {
 pub(crate) const BLOCK: usize = 256;
 
 /// Where the points of a block fall; a range of zero means nowhere.
+#[derive(Debug, Clone)]
 pub(crate) struct PixelBlock {
     pub(crate) u: [f32; BLOCK],
     pub(crate) v: [f32; BLOCK],

@@ -51,7 +51,7 @@
 //! 4. [`transfer_labels`]: erosion of the masks, a range buffer for what the camera cannot see, and of each thing the
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
 //! 5. [`observe_panorama`]: points, names, colour, video number and weight of each thing; [`LabelVote`]: the vote over
-//!    frames (Eq. 4).
+//!    frames (Eq. 4). [`visible_points`]: the range buffer alone.
 //! 6. [`register`]: the pose between two scans, from a guess ([`registration`]); [`localise()`]: the place of a few scans in a
 //!    known map, without any ([`localisation`]).
 //!
@@ -101,6 +101,7 @@ pub mod so3;
 pub mod stamp;
 pub mod stitch;
 pub mod trajectory;
+pub mod visibility;
 pub mod vote;
 
 pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};
@@ -125,4 +126,5 @@ pub use sensors::{ImuSample, RawPoint, RawScan, RotatingMount};
 pub use stamp::Stamp;
 pub use stitch::{Gain, Lens, LensPixel, StitchConfig, StitchError, Stitcher, stitch_plainly};
 pub use trajectory::{Trajectory, TrajectoryError};
+pub use visibility::{Visibility, visible_points};
 pub use vote::{LabelVote, VoteResult};

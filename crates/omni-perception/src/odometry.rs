@@ -17,8 +17,11 @@ pub mod degeneracy;
 mod door;
 pub mod estimate;
 mod filter;
+mod hindsight;
 pub mod inertial;
 pub mod initialisation;
+#[cfg(test)]
+mod laws;
 mod motion_start;
 mod output;
 pub mod plane;
@@ -124,7 +127,8 @@ impl LidarInertialOdometry {
             // 2., 3., 4. The points meet the map, its planes correct the state, the points become part of the map.
             report = filter.step(scan, &self.rig, &self.imu, &mut self.sweep, predicted, knots, &self.config);
             if !report.degeneracy.is_none() && self.is_standing(&filter.belief) {
-                filter.belief = standing(&filter.belief).unwrap_or(filter.belief);
+                let standing = standing(&filter.belief).unwrap_or(filter.belief);
+                filter.settle(standing, &self.imu, &self.config);
             }
             self.supervision.judge(&report, self.sweep.points(), self.config.lost_after_s);
         }

@@ -33,6 +33,18 @@ pub(crate) struct Candidate {
     pub(crate) mask: u16,
 }
 
+/// What the camera sees of a whole cloud, masks or not: [`RangeBuffer`] for every cell. Its memory serves cloud after cloud.
+#[derive(Debug, Clone)]
+pub(crate) struct WholeView {
+    projection: FastProjection,
+    buffer: RangeBuffer,
+    /// Where each point falls.
+    blocks: Vec<PixelBlock>,
+    /// The least range of each cell and its neighbours in the row, and of all its neighbours.
+    along_m: Vec<f32>,
+    around_m: Vec<f32>,
+}
+
 /// When a nearer point does not hide a farther one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
@@ -243,8 +255,101 @@ impl RangeBuffer {
     }
 }
 
+impl WholeView {
+    pub(crate) fn new(camera: &Equirectangular, cell_px: u32) -> WholeView {
+        let columns = camera.width_px.div_ceil(cell_px) as usize;
+        let rows = camera.height_px.div_ceil(cell_px) as usize;
+        let cells_per_px = 1.0 / cell_px as f32;
+        let grid = CellGrid { columns, rows, cells_per_px, shows: Vec::new(), is_near: Vec::new() };
+        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
+        let far = vec![f32::INFINITY; columns * rows];
+        let at = vec![(0.0, 0.0); columns * rows];
+        WholeView {
+            projection: FastProjection::new(camera),
+            buffer: RangeBuffer { grid, width, rad_per_px, range_m: far.clone(), at },
+            blocks: Vec::new(),
+            along_m: far.clone(),
+            around_m: far,
+        }
+    }
+
+    /// Projects all points and keeps the nearest of each cell.
+    pub(crate) fn fill(&mut self, points: &[Point3<f32>], view: &View) {
+        let RangeBuffer { grid, range_m, at, .. } = &mut self.buffer;
+        range_m.fill(f32::INFINITY);
+        self.blocks.resize_with(points.len().div_ceil(BLOCK), PixelBlock::default);
+        let (mut cells, mut before_m) = ([0; BLOCK], [0.0; BLOCK]);
+        for (points, pixels) in points.chunks(BLOCK).zip(&mut self.blocks) {
+            self.projection.project_block(points, view, pixels);
+            // What the rest of a block holds must not reach the cells.
+            pixels.range_m[points.len()..].fill(0.0);
+            grid.cells_of(pixels, &mut cells);
+            // All cells are fetched before any is decided: the misses of the cache then overlap.
+            gather(range_m, &cells, &mut before_m);
+            for (index, &cell) in cells.iter().enumerate().take(points.len()) {
+                let point_m = pixels.range_m[index];
+                if point_m < before_m[index] && point_m > 0.0 && point_m < range_m[cell as usize] {
+                    range_m[cell as usize] = point_m;
+                    at[cell as usize] = (pixels.u[index], pixels.v[index]);
+                }
+            }
+        }
+        least_of_neighbours(range_m, grid.columns, &mut self.along_m, &mut self.around_m);
+    }
+
+    /// For each of the points whether it is in the image and nothing nearer stands before it.
+    pub(crate) fn see(&self, tolerance: &Tolerance, visible: &mut [bool]) {
+        let (mut cells, mut around_m) = ([0; BLOCK], [0.0; BLOCK]);
+        for (visible, pixels) in visible.chunks_mut(BLOCK).zip(&self.blocks) {
+            self.buffer.grid.cells_of(pixels, &mut cells);
+            gather(&self.around_m, &cells, &mut around_m);
+            for (index, visible) in visible.iter_mut().enumerate() {
+                let range_m = pixels.range_m[index];
+                let step_m = tolerance.step_m.max(tolerance.step_share * range_m);
+                // Most points have nothing nearer around them: one look, and no need to ask the neighbours one by one.
+                let is_open = range_m - around_m[index] - step_m <= 0.0;
+                *visible = range_m > 0.0
+                    && (is_open || {
+                        let (u, v) = (pixels.u[index], pixels.v[index]);
+                        self.buffer.is_visible(&Candidate { u, v, range_m, point: 0, mask: 0 }, tolerance)
+                    });
+            }
+        }
+    }
+}
+
+/// The numbers of a block's cells.
+#[inline(always)]
+fn gather(from: &[f32], cells: &[i32; BLOCK], into: &mut [f32; BLOCK]) {
+    for (number, &cell) in into.iter_mut().zip(cells) {
+        *number = from[cell as usize];
+    }
+}
+
+/// The least of each cell and its eight neighbours; columns wrap.
+fn least_of_neighbours(range_m: &[f32], columns: usize, along: &mut [f32], around: &mut [f32]) {
+    let least = |a: f32, b: f32| if b < a { b } else { a };
+    // Along the rows first, then across them.
+    for (row, along) in range_m.chunks_exact(columns).zip(along.chunks_exact_mut(columns)) {
+        for (along, three) in along.iter_mut().skip(1).zip(row.windows(3)) {
+            *along = least(least(three[0], three[1]), three[2]);
+        }
+        for column in [0, columns - 1] {
+            let [left, column, right] = with_neighbours(column, columns);
+            along[column] = least(least(row[left], row[column]), row[right]);
+        }
+    }
+    around.copy_from_slice(along);
+    if along.len() > columns {
+        around[columns..].iter_mut().zip(&*along).for_each(|(around, above)| *around = least(*around, *above));
+        around.iter_mut().zip(&along[columns..]).for_each(|(around, below)| *around = least(*around, *below));
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::mask_index::Erosion;
     use crate::mask_outline::Outline;
@@ -315,5 +420,34 @@ mod tests {
         // A table top 0.4 m below, 2 m away: two rows of 0.1875 degrees are 0.07 m of range.
         check((100.0, 382.0, 2.0), (100.0, 380.0, 2.07), true);
         check((100.0, 382.0, 2.0), (100.0, 381.9, 2.2), false); // a larger step straight behind
+    }
+
+    proptest! {
+        #[test]
+        fn the_short_way_to_visibility_is_the_long_one(
+            points in prop::collection::vec(prop::array::uniform3(-4.0..4.0_f32), 0..400), width_px in 3..60_u32, cell_px in 1..5_u32
+        ) {
+            let camera = Equirectangular { width_px, height_px: 11, ..Equirectangular::default() };
+            let points: Vec<Point3<f32>> = points.into_iter().map(Point3::from).chain([Point3::new(f32::NAN, 0.0, 0.0)]).collect();
+            let mut seen = WholeView::new(&camera, cell_px);
+            let mut visible = vec![false; points.len()];
+            // Twice: nothing of the first cloud is left.
+            for cloud in [&points[points.len() / 2..], &points] {
+                seen.fill(cloud, &View::Camera);
+                seen.see(&TOLERANCE, &mut visible[..cloud.len()]);
+            }
+            // A mask over the whole image: each point of the image is a candidate, and asks all its neighbours.
+            let rle = Rle::from_counts(width_px, 11, &[0, width_px * 11]).expect("fills the image");
+            let masks = [Mask::new(rle, "all", 1.0)];
+            let outlines = [Outline::new(&masks[0].rle)];
+            let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
+            let index = MaskIndex::new(&masks, &outlines, width_px, 11, &none);
+            let filled = RangeBuffer::fill(&points, &View::Camera, &camera, cell_px, &index);
+            let mut expected = vec![false; points.len()];
+            for candidate in &filled.candidates {
+                expected[candidate.point as usize] = filled.buffer.is_visible(candidate, &TOLERANCE);
+            }
+            prop_assert_eq!(visible, expected);
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! Laws of the filter's parts: manifold, prediction, update, map.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 use omni_perception::odometry::degeneracy::Degeneracy;
 use omni_perception::odometry::plane::{Moments, PlaneTest};
-use omni_perception::odometry::propagation::{ImuInput, propagate_covariance, step, symmetric, transition};
+use omni_perception::odometry::propagation::{ImuInput, Inflation, propagate_covariance, step, symmetric, transition};
 use omni_perception::odometry::state::{
     ACCEL_BIAS, Covariance, DOF, GRAVITY, GYRO_BIAS, ImuState, POSITION, ROTATION, Tangent, VELOCITY,
 };
@@ -129,7 +129,7 @@ mod prediction {
             let (mut state, mut covariance) = (state, start);
             for input in &inputs {
                 let until = state.stamp.plus_ns(5_000_000);
-                covariance = propagate_covariance(&covariance, &state, input, until, &LioConfig::default(), 1.0);
+                covariance = propagate_covariance(&covariance, &state, input, until, &LioConfig::default(), Inflation::NONE);
                 state = step(&state, input, until).0;
             }
             prop_assert!(covariance.cholesky().is_some());
@@ -162,25 +162,30 @@ mod correction {
 
     proptest! {
         #[test]
-        fn the_gradient_is_the_derivative_of_the_residuals(state in state(), points in residuals()) {
+        fn the_normal_equations_are_made_of_the_derivatives_of_the_residuals(state in state(), points in residuals()) {
             const H: f64 = 1e-6;
-            for residual in at(&state, &points) {
-                let one = NormalEquations::new(&state, &[residual]);
-                // gradient = -H^T W r, so H = -gradient / (W r); the weight cancels in the ratio of two states' values.
+            let (mut information, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+            let residuals = at(&state, &points);
+            for residual in &residuals {
+                let mut row = Vector6::zeros();
                 for k in 0..6 {
                     let mut error = Tangent::zeros();
                     error[k] = H;
-                    let slope = (residual.value(&state.boxplus(&error)) - residual.value(&state.boxplus(&-error))) / (2.0 * H);
-                    let weight = if residual.value(&state).abs() > 1e-9 {
-                        let gradient: f64 = one.gradient[k];
-                        prop_assert!((gradient + slope * weight_of(&residual, &state) * residual.value(&state)).abs() < 1e-4 * (1.0 + gradient.abs()));
-                        weight_of(&residual, &state)
-                    } else {
-                        1.0 / residual.variance_m2
-                    };
-                    prop_assert!((one.information[(k, k)] - weight * slope * slope).abs() < 1e-4 * (1.0 + one.information[(k, k)]));
+                    row[k] = (residual.value(&state.boxplus(&error)) - residual.value(&state.boxplus(&-error))) / (2.0 * H);
                 }
+                let weight = weight_of(residual, &state);
+                let (of_one, pull) = (row * row.transpose() * weight, -row * weight * residual.value(&state));
+                let one = NormalEquations::new(&state, &[*residual]);
+                prop_assert!((one.information - of_one).amax() < 1e-4 * (1.0 + of_one.amax()));
+                prop_assert!((one.gradient - pull).amax() < 1e-4 * (1.0 + pull.amax()));
+                information += of_one;
+                gradient += pull;
             }
+            // All 36 entries, whatever their sign; both halves are one.
+            let all = NormalEquations::new(&state, &residuals);
+            prop_assert_eq!(all.information, all.information.transpose());
+            prop_assert!((all.information - information).amax() < 1e-4 * (1.0 + information.amax()));
+            prop_assert!((all.gradient - gradient).amax() < 1e-4 * (1.0 + information.amax()));
         }
 
         #[test]
@@ -242,12 +247,16 @@ mod correction {
             let covariance = symmetric(&(jacobian * covariance * jacobian.transpose()));
             let there = update(&moved(&state), &covariance, &moved(&state), &turned, 4, all).expect("positive definite");
             let expected = moved(&here.state);
-            // Rounding moves a residual across its gate now and then: hundredths of a millimetre, not more.
-            prop_assert!((there.state.position_m - expected.position_m).norm() < 1e-5);
-            prop_assert!(there.state.rotation.angle_to(&expected.rotation) < 1e-5);
-            prop_assert!((there.state.gyro_bias_radps - expected.gyro_bias_radps).norm() < 1e-5);
+            // Both take the same steps, to rounding. But a step of just CONVERGED_STEP may end the iteration in one world
+            // and not in the other: then the results are one such step apart.
+            const ROUNDING: f64 = 1e-7;
+            const LAST_STEP: f64 = 1e-5;
+            let tolerance = if here.iterations == there.iterations { ROUNDING } else { LAST_STEP };
+            prop_assert!((there.state.position_m - expected.position_m).norm() < tolerance);
+            prop_assert!(there.state.rotation.angle_to(&expected.rotation) < tolerance);
+            prop_assert!((there.state.gyro_bias_radps - expected.gyro_bias_radps).norm() < tolerance);
             let expected = jacobian * here.covariance * jacobian.transpose();
-            prop_assert!((there.covariance - expected).amax() < 1e-5);
+            prop_assert!((there.covariance - expected).amax() < tolerance);
         }
 
         #[test]

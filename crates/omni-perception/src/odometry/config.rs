@@ -54,7 +54,8 @@ pub struct LioConfig {
     pub is_rotating: bool,
     /// Threads over which the points of a scan are spread; the result is the same to the bit. Default 1.
     pub threads: usize,
-    /// Time of the pose of [`crate::LidarInertialOdometry::estimate_at_scan`]. Default the end of the scan.
+    /// Time of the pose of [`crate::LidarInertialOdometry::estimate_at_scan`]. A constant `At` suits one scan only; for a
+    /// time of one's own in each there is [`crate::LidarInertialOdometry::estimate_at`]. Default the end of the scan.
     pub reference: ReferenceTime,
 }
 

@@ -76,7 +76,9 @@ impl Filter {
             let pose = self.belief.state.world_from_imu();
             let additions = additions(sweep, &self.map, &tracked, &pose);
             self.map.insert(&additions);
-            self.knots = tracked.knots;
+        }
+        if report.is_update_valid {
+            self.settle(self.belief, imu, config);
         }
         report.dropped = sweep.dropped;
         report.residuals = tracked.residuals;
@@ -90,6 +92,14 @@ impl Filter {
         report.degeneracy = tracked.degeneracy;
         report.map_voxels = self.map.len();
         report
+    }
+
+    /// Takes over a better belief for the same time; the way is the one that leads there.
+    pub(crate) fn settle(&mut self, belief: Belief, imu: &ImuBuffer, config: &LioConfig) {
+        self.belief = belief;
+        if let Some(first) = self.knots.first() {
+            self.knots = imu.knots_back_from(&belief.state, first.stamp, config);
+        }
     }
 
     /// Looks for the scan's pose farther off than a cell. The belief with that pose, if it fits.
@@ -184,4 +194,55 @@ pub(crate) fn moved(belief: &Belief, new_from_old: &Isometry3<f64>) -> Belief {
         jacobian.fixed_view_mut::<3, 3>(at, at).copy_from(&matrix);
     }
     Belief { state: moved, covariance: jacobian * belief.covariance * jacobian.transpose() }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Translation3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::odometry::laws::{belief, off_by, rotation, vector};
+    use crate::odometry::state::{DOF, Tangent};
+
+    proptest! {
+        #[test]
+        fn a_belief_moves_with_the_world_by_the_derivative_of_the_move(
+            belief in belief(), turn in rotation(), shift in vector(20.0)
+        ) {
+            const H: f64 = 1e-6;
+            let new_from_old = Isometry3::from_parts(Translation3::from(shift), turn);
+            let there = moved(&belief, &new_from_old);
+            let at = |error: Tangent| {
+                moved(&off_by(&belief, &error), &new_from_old).state.boxminus(&there.state)
+            };
+            let mut jacobian = Covariance::zeros();
+            for column in 0..DOF {
+                let mut error = Tangent::zeros();
+                error[column] = H;
+                jacobian.set_column(column, &((at(error) - at(-error)) / (2.0 * H)));
+            }
+            // Differences of numbers of thirty metres over 2e-6 lose ten digits.
+            let expected = jacobian * belief.covariance * jacobian.transpose();
+            prop_assert!((there.covariance - expected).amax() < 1e-7, "{}", (there.covariance - expected).amax());
+            // And back: nothing is lost.
+            let back = moved(&there, &new_from_old.inverse());
+            prop_assert!(back.state.boxminus(&belief.state).amax() < 1e-9);
+            prop_assert!((back.covariance - belief.covariance).amax() < 1e-12);
+        }
+
+        #[test]
+        fn standing_is_the_update_by_a_velocity_of_zero(belief in belief()) {
+            let stood = standing(&belief).expect("positive definite");
+            // The information form: P'^-1 = P^-1 + H^T H / sigma^2.
+            let mut information = belief.covariance.try_inverse().expect("positive definite");
+            for k in VELOCITY..VELOCITY + 3 {
+                information[(k, k)] += 1.0 / STANDING_SIGMA_MPS.powi(2);
+            }
+            let expected = information.try_inverse().expect("positive definite");
+            // The two forms meet within the condition of P, 1e6 at most, times double rounding.
+            prop_assert!((stood.covariance - expected).amax() < 1e-8, "{}", (stood.covariance - expected).amax());
+            prop_assert!(stood.state.velocity_mps.norm() < belief.state.velocity_mps.norm());
+        }
+    }
 }

@@ -6,14 +6,18 @@ use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use crate::odometry::config::LioConfig;
-use crate::odometry::propagation::{ImuInput, Knot, propagate_covariance, step};
+use crate::odometry::propagation::{ImuInput, Inflation, Knot, propagate_covariance, step};
 use crate::odometry::state::{Covariance, ImuState};
 use crate::{ImuSample, Stamp};
 
 /// Longer without a sample, and the force is no longer believed: the velocity is held.
 const GAP_S: f64 = 0.05;
 /// Variance of the noise over a gap or at a saturated sample, relative to the usual one.
-const DOUBTFUL_INFLATION: f64 = 1e4;
+const DOUBTFUL: Inflation = Inflation { gyro: 1e4, accel: 1e4 };
+/// A gyroscope at its limit hides a turn that is faster by this share of its range, for about so long. With less the
+/// filter believes the clipped turn, and a wrong place in the map with it.
+const HIDDEN_SHARE: f64 = 0.2;
+const HIDDEN_S: f64 = 0.05;
 /// A longer silence must be confirmed by a second sample: one wrong stamp would shut out all later ones.
 const MAX_JUMP_S: f64 = 2.0;
 /// Samples kept: enough for scans that come two seconds late at 1 kHz.
@@ -60,8 +64,9 @@ pub(crate) enum Motion {
 pub(crate) struct Interval {
     pub until: Stamp,
     pub input: ImuInput,
-    /// A gap or a saturated sample.
-    pub is_doubtful: bool,
+    pub inflation: Inflation,
+    /// Too long without a sample: the force says nothing about it.
+    pub is_gap: bool,
 }
 
 /// The newest samples.
@@ -143,7 +148,7 @@ impl ImuBuffer {
             let (input, inflation) = treated(&interval, &state, motion);
             covariance = propagate_covariance(&covariance, &state, &input, interval.until, config, inflation);
             let (next, knot) = step(&state, &input, interval.until);
-            knots.push(knot);
+            knots.push(Knot { inflation, ..knot });
             state = next;
         }
         state.stamp = state.stamp.max(to);
@@ -180,6 +185,7 @@ impl ImuBuffer {
                 velocity_mps: velocity,
                 rate_radps: rate,
                 acceleration_mps2: acceleration,
+                inflation: interval.inflation,
             });
         }
         knots.reverse();
@@ -208,22 +214,31 @@ fn interval(
         force_mps2: head.specific_force_mps2.lerp(&tail.specific_force_mps2, share),
         is_coasting: false,
     };
-    let saturated = |sample: &ImuSample| {
-        sample.angular_velocity_radps.amax() >= config.gyro_range_radps
-            || sample.specific_force_mps2.amax() >= config.accel_range_mps2
-    };
     let is_gap = until.seconds_since(from) > GAP_S;
-    Some(Interval { until, input, is_doubtful: is_gap || saturated(head) || saturated(tail) })
+    let is_gyro_saturated = head.angular_velocity_radps.amax().max(tail.angular_velocity_radps.amax());
+    let is_gyro_saturated = is_gyro_saturated >= config.gyro_range_radps;
+    let is_accel_saturated = head.specific_force_mps2.amax().max(tail.specific_force_mps2.amax());
+    let is_accel_saturated = is_accel_saturated >= config.accel_range_mps2;
+    let mut inflation = Inflation::NONE;
+    if is_gap || is_gyro_saturated || is_accel_saturated {
+        inflation = DOUBTFUL;
+    }
+    if is_gyro_saturated {
+        // An error of constant sign over tau is white noise of the density sigma sqrt(tau).
+        let hidden = HIDDEN_SHARE * config.gyro_range_radps * HIDDEN_S.sqrt();
+        inflation.gyro = inflation.gyro.max((hidden / config.gyro_noise_density).powi(2));
+    }
+    Some(Interval { until, input, inflation, is_gap })
 }
 
 fn is_gap(dt_s: f64, interval: &Interval) -> bool {
-    interval.is_doubtful && dt_s > GAP_S
+    interval.is_gap && dt_s > GAP_S
 }
 
 /// The input with the force that the motion allows, and the factor of its noise.
-fn treated(interval: &Interval, state: &ImuState, motion: Motion) -> (ImuInput, f64) {
+fn treated(interval: &Interval, state: &ImuState, motion: Motion) -> (ImuInput, Inflation) {
     let dt_s = interval.until.seconds_since(state.stamp);
-    let inflation = if interval.is_doubtful { DOUBTFUL_INFLATION } else { 1.0 };
+    let inflation = interval.inflation;
     if motion == Motion::Inertial && !is_gap(dt_s, interval) {
         return (interval.input, inflation);
     }

@@ -28,6 +28,21 @@ pub struct ImuInput {
     pub is_coasting: bool,
 }
 
+/// Factors on the variance of the noise of gyroscope and accelerometer: more than one over a gap or beside a saturated
+/// sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inflation {
+    /// On the gyroscope's.
+    pub gyro: f64,
+    /// On the accelerometer's.
+    pub accel: f64,
+}
+
+impl Inflation {
+    /// The usual noise.
+    pub const NONE: Inflation = Inflation { gyro: 1.0, accel: 1.0 };
+}
+
 /// The motion over one interval: everything a point's pose needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
@@ -43,6 +58,8 @@ pub struct Knot {
     pub rate_radps: Vector3<f64>,
     /// Acceleration over the interval, in the world.
     pub acceleration_mps2: Vector3<f64>,
+    /// How much more than usual the noise is.
+    pub inflation: Inflation,
 }
 
 impl Knot {
@@ -71,6 +88,7 @@ pub fn step(state: &ImuState, input: &ImuInput, until: Stamp) -> (ImuState, Knot
         velocity_mps: state.velocity_mps,
         rate_radps: rate,
         acceleration_mps2: acceleration,
+        inflation: Inflation::NONE,
     };
     let pose = knot.world_from_imu(until);
     let next = ImuState {
@@ -135,15 +153,14 @@ pub fn transition(state: &ImuState, input: &ImuInput, until: Stamp) -> Covarianc
     Blocks::new(state, input, until.seconds_since(state.stamp)).times(&Covariance::identity())
 }
 
-/// P' = F P F^T + Q dt. `inflation` multiplies the noise of gyroscope and accelerometer (variance): more than one
-/// for a saturated sample or a gap.
+/// P' = F P F^T + Q dt, with the noise of the sensors inflated.
 pub fn propagate_covariance(
     covariance: &Covariance,
     state: &ImuState,
     input: &ImuInput,
     until: Stamp,
     config: &LioConfig,
-    inflation: f64,
+    inflation: Inflation,
 ) -> Covariance {
     let dt_s = until.seconds_since(state.stamp);
     let blocks = Blocks::new(state, input, dt_s);
@@ -151,8 +168,8 @@ pub fn propagate_covariance(
     let mut next = blocks.times(&blocks.times(covariance).transpose());
     // Densities become covariances over the interval by the integral of white noise; accelerations also reach the
     // position: dt^3/3 and dt^2/2.
-    let gyro = config.gyro_noise_density.powi(2) * dt_s * inflation;
-    let accel = config.accel_noise_density.powi(2) * dt_s * inflation;
+    let gyro = config.gyro_noise_density.powi(2) * dt_s * inflation.gyro;
+    let accel = config.accel_noise_density.powi(2) * dt_s * inflation.accel;
     for k in 0..3 {
         next[(POSITION + k, POSITION + k)] += accel * dt_s * dt_s / 3.0;
         next[(POSITION + k, VELOCITY + k)] += accel * dt_s / 2.0;
@@ -199,7 +216,7 @@ mod tests {
         let still = ImuInput { rate_radps: Vector3::zeros(), force_mps2: Vector3::z() * 9.81, is_coasting: false };
         for k in 1..=20 {
             let until = Stamp(k * 5_000_000);
-            covariance = propagate_covariance(&covariance, &state, &still, until, &config, 1.0);
+            covariance = propagate_covariance(&covariance, &state, &still, until, &config, Inflation::NONE);
             state = step(&state, &still, until).0;
         }
         let variance = covariance[(ROTATION, ROTATION)];

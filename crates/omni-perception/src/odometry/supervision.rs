@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::Stamp;
 use crate::odometry::TrackingStatus;
 use crate::odometry::config::LioConfig;
+use crate::odometry::estimate::UNKNOWN_POSITION_SIGMA_M;
 use crate::odometry::filter::{Belief, carry};
 use crate::odometry::inertial::{ImuBuffer, Motion};
 use crate::odometry::propagation::Knot;
@@ -23,8 +24,6 @@ const COAST_S: f64 = 1.0;
 const FADE_S: f64 = 0.3;
 /// Time for which scans may fail to fit the map before it is given up.
 const RESTART_S: f64 = 2.0;
-/// Beyond this spread the covariance grows no more: the position is unknown.
-const UNKNOWN_M: f64 = 10.0;
 
 /// What is remembered from update to update.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -78,7 +77,8 @@ impl Supervision {
         let (mut belief, knots) = carry(&mean, now, motion, imu, config);
         belief.state.velocity_mps = before.state.velocity_mps * left;
         let position: Matrix3<f64> = belief.covariance.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
-        if position.trace() > UNKNOWN_M * UNKNOWN_M {
+        // Beyond this spread the covariance grows no more: the position is unknown.
+        if position.trace() > UNKNOWN_POSITION_SIGMA_M.powi(2) {
             belief.covariance = before.covariance;
         }
         (belief, knots)

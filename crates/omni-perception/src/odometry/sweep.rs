@@ -290,3 +290,90 @@ fn count_dropped(dropped: &mut Dropped, square: f32, min2: f32) {
         _ => dropped.too_far += 1,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Translation3, UnitQuaternion};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::odometry::laws::{rotation, vector};
+    use crate::odometry::propagation::Inflation;
+    use crate::{DeskewConfig, EncoderSample, OdometryEstimate, ReferenceTime, Trajectory, deskew_exactly};
+
+    /// The blend, STEP_NS long, at the 15 rad/s of the body and 6 of the motor: (21 * 5e-4)^2 / 8 of 25 m. The constant
+    /// acceleration of a knot adds 1e-5 m for the jerk of the screw, single precision less.
+    const TOL_M: f64 = 4e-4;
+
+    proptest! {
+        #[test]
+        fn the_odometry_deskews_a_screw_as_the_exact_deskew_does(
+            position in vector(30.0), turn in rotation(), velocity in vector(3.0), rate in vector(8.0),
+            lever in vector(0.3), tilt in rotation(), motor in -6.0..6.0_f64,
+            sensed in prop::collection::vec((vector(12.0), 0..100_000_000_u32), 1..40)
+        ) {
+            prop_assume!(velocity.cross(&rate).norm() > 0.1);
+            // Knots of 200 Hz on T_0 exp(xi t); each with the acceleration in its middle. The body is the IMU.
+            let start = Stamp(7_000_000_000);
+            let mut knots = Vec::new();
+            let mut trajectory = Trajectory::default();
+            let mut pose = Isometry3::from_parts(Translation3::from(position), turn);
+            // A step of the screw in a thousand parts of the mid-point rule: off by 1e-10.
+            let step = |pose: Isometry3<f64>, dt_s: f64| {
+                (0..1000).fold(pose, |pose, _| {
+                    let half = pose.rotation * UnitQuaternion::from_scaled_axis(rate * (dt_s * 0.5e-3));
+                    let shift = Translation3::from(half * velocity * (dt_s * 1e-3));
+                    let turn = UnitQuaternion::from_scaled_axis(rate * (dt_s * 1e-3));
+                    Isometry3::from_parts(shift * pose.translation, pose.rotation * turn)
+                })
+            };
+            for k in 0..=21 {
+                let stamp = start.plus_ns(5_000_000 * k);
+                let middle = pose.rotation * UnitQuaternion::from_scaled_axis(rate * 0.0025);
+                knots.push(Knot {
+                    stamp,
+                    rotation: pose.rotation,
+                    position_m: pose.translation.vector,
+                    velocity_mps: pose.rotation * velocity,
+                    rate_radps: rate,
+                    acceleration_mps2: middle * rate.cross(&velocity),
+                    inflation: Inflation::NONE,
+                });
+                let estimate = OdometryEstimate {
+                    velocity_in_world_mps: pose.rotation * velocity,
+                    angular_velocity_in_body_radps: rate,
+                    ..OdometryEstimate::at_rest(stamp, pose)
+                };
+                trajectory.push(&estimate).expect("advances");
+                pose = step(pose, 0.005);
+            }
+            let mount = RotatingMount {
+                body_from_stator: Isometry3::from_parts(Translation3::from(lever), tilt),
+                rotor_from_sensor: Isometry3::translation(0.0, 0.03, 0.05),
+            };
+            let readings: Vec<_> = (0..=60)
+                .map(|k| EncoderSample { stamp: start.plus_ns(2_000_000 * k), angle_rad: motor * 0.002 * k as f64 })
+                .collect();
+            let encoder = EncoderTrack::from_samples(&readings).expect("advances");
+            let point = |(p, offset_ns): &(Vector3<f64>, u32)| RawPoint {
+                position: Point3::from(*p).cast(), offset_ns: *offset_ns, ring: 0,
+            };
+            let scan = RawScan { start, points: sensed.iter().map(point).collect() };
+            let map = VoxelMap::new(0.25, 1000, 60, 0.05);
+            let motion = SensorMotion::new(&scan, scan.end(), &knots, &encoder, &mount, &map).expect("covered");
+            let corner = map.centre(motion.anchor).coords - Vector3::repeat(0.5 * f64::from(map.cell_m()));
+            for reference in [ReferenceTime::Start, ReferenceTime::Mid, ReferenceTime::End, ReferenceTime::At(start.plus_ns(41_234_567))] {
+                let config = DeskewConfig { min_range_m: 0.0, ..DeskewConfig::default() };
+                let exact = deskew_exactly(&scan, &encoder, &mount, &trajectory, reference, &config).expect("covered");
+                prop_assert_eq!(exact.points_in_body.len(), scan.points.len());
+                for (raw, exact_in_body) in scan.points.iter().zip(&exact.points_in_body) {
+                    let (matrix, offset) = motion.at(raw.offset_ns).expect("covered");
+                    let in_world = (matrix * raw.position.coords + offset).cast::<f64>() + corner;
+                    let exact_in_world = exact.world_from_body * exact_in_body.cast::<f64>();
+                    let apart_m = (in_world - exact_in_world.coords).norm();
+                    prop_assert!(apart_m < TOL_M, "{} m at {} ns", apart_m, raw.offset_ns);
+                }
+            }
+        }
+    }
+}

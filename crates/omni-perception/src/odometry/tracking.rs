@@ -42,7 +42,6 @@ pub(crate) struct Tracked {
     pub updated: Option<Updated>,
     /// The pose at the scan's end that the patches were collected with.
     pub swept_with: Isometry3<f64>,
-    pub knots: Vec<Knot>,
     /// Where the sensor was in the world.
     pub sensor: Point3<f64>,
     pub degeneracy: Degeneracy,
@@ -121,7 +120,6 @@ pub(crate) fn track(
         return Some(Tracked {
             updated,
             swept_with,
-            knots,
             sensor,
             degeneracy,
             residuals: residuals.len(),

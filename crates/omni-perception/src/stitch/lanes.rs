@@ -78,7 +78,7 @@ impl Lanes {
             let top = mix(u16::from(self.top_left[lane]), u16::from(self.top_right[lane]), right);
             let bottom = mix(u16::from(self.bottom_left[lane]), u16::from(self.bottom_right[lane]), right);
             let color = mix(top, bottom, below);
-            let brightened = (u32::from(color) * u32::from(factors[lane]) >> 16) as u16;
+            let brightened = ((u32::from(color) * u32::from(factors[lane])) >> 16) as u16;
             colors[lane] = ((brightened + 32) >> 6).min(255) as u8;
         }
     }

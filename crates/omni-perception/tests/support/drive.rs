@@ -22,6 +22,8 @@ pub struct Drive {
     pub imu_noise: (f64, f64),
     pub gyro_bias: Vector3<f64>,
     pub accel_bias: Vector3<f64>,
+    /// What gyroscope and accelerometer can show at most, along each axis.
+    pub imu_range: (f64, f64),
     /// The LiDAR is mounted this much otherwise than the filter is told.
     pub mount_error: Isometry3<f64>,
     /// The LiDAR's clock is behind by this.
@@ -50,6 +52,7 @@ impl Drive {
             imu_noise: (2.5e-4, 3e-3),
             gyro_bias: Vector3::new(0.004, -0.003, 0.002),
             accel_bias: Vector3::new(0.04, -0.03, 0.05),
+            imu_range: (f64::INFINITY, f64::INFINITY),
             mount_error: Isometry3::identity(),
             lidar_clock_s: 0.0,
             blind_s: (0.0, 0.0),
@@ -76,8 +79,8 @@ impl Drive {
                 let force = now.rotation.inverse() * (acceleration + Vector3::z() * 9.81);
                 ImuSample {
                     stamp: Stamp(0).plus_seconds(t),
-                    angular_velocity_radps: rate + self.gyro_bias + white(self.imu_noise.0),
-                    specific_force_mps2: force + self.accel_bias + white(self.imu_noise.1),
+                    angular_velocity_radps: clipped(rate + self.gyro_bias + white(self.imu_noise.0), self.imu_range.0),
+                    specific_force_mps2: clipped(force + self.accel_bias + white(self.imu_noise.1), self.imu_range.1),
                 }
             })
             .collect()
@@ -184,6 +187,10 @@ impl Drive {
         };
         estimates.iter().map(error).collect()
     }
+}
+
+fn clipped(vector: Vector3<f64>, limit: f64) -> Vector3<f64> {
+    vector.map(|x| x.clamp(-limit, limit))
 }
 
 /// The worst of the errors.
