@@ -1,7 +1,8 @@
-//! The toolbox: ask a saved scene graph, run benches.
+//! The toolbox: ask a saved scene graph, fuse scans into a map, run benches.
 
 mod ask;
 mod bench;
+mod fuse;
 
 use std::process::ExitCode;
 
@@ -19,6 +20,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Fuses a folder of posed scans into a mesh, a distance field and places
+    Fuse(fuse::FuseOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -33,6 +36,7 @@ enum BenchCommand {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Fuse(options) => fuse::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
     };
     match result {

@@ -40,6 +40,10 @@ pub struct DistanceField {
     pub(crate) roots: Vec<f32>,
 }
 
+/// The grid is a box and never has more cells than this (11 bytes each): a map with a part that is absurdly far away, after a
+/// jump of the pose, must not take all memory.
+pub const MAX_CELLS: usize = 1 << 26;
+
 pub(crate) const NOWHERE: i16 = i16::MAX;
 /// No obstacle within the largest distance.
 pub(crate) const BEYOND: u16 = u16::MAX;
@@ -49,6 +53,8 @@ pub(crate) const BEYOND: u16 = u16::MAX;
 pub struct UpdateReport {
     /// Blocks of the volume that were read again.
     pub blocks_read: usize,
+    /// Blocks that lie where the grid cannot reach, because it would need more than [`MAX_CELLS`] cells; they are left out.
+    pub refused_blocks: usize,
     /// Cells that changed between unknown, free and occupied.
     pub cells_changed: usize,
     /// Lines recomputed in the three passes.
@@ -109,9 +115,14 @@ impl DistanceField {
         let [nx, ny, nz] = self.size;
         let mut dirty_columns = vec![false; nx * ny];
         for block in volume.changed_since(self.seen_revision) {
-            if block.occupancy_revision > self.seen_revision {
+            if block.occupancy_revision <= self.seen_revision {
+                continue;
+            }
+            if self.covers(block.key) {
                 report.blocks_read += 1;
                 report.cells_changed += self.read_block(block, &mut dirty_columns);
+            } else {
+                report.refused_blocks += 1;
             }
         }
         self.seen_revision = volume.revision();

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::block::Block;
-use crate::distance_field::{BEYOND, DistanceField, NOWHERE, UpdateReport};
+use crate::block::{Block, BlockKey};
+use crate::distance_field::{BEYOND, DistanceField, MAX_CELLS, NOWHERE, UpdateReport};
 use crate::edt::{Envelope, FAR};
 use crate::volume::{Cell, Volume};
 
@@ -44,7 +44,7 @@ impl DistanceField {
         if !is_other && (0..3).all(|axis| first(axis) < low[axis] && high[axis] < last(axis)) {
             return;
         }
-        report.is_rebuilt = true;
+        let (mut new_low, mut new_size) = (old_low, old_size);
         for axis in 0..3 {
             // At least one block of unknown space all round: cells on the border of the grid are never free.
             let margin = if axis == 2 { 1 } else { 5 };
@@ -52,9 +52,20 @@ impl DistanceField {
             let keep_high = !is_other && last(axis) > high[axis];
             let from = if keep_low { first(axis) } else { low[axis] - margin };
             let to = if keep_high { last(axis) } else { high[axis] + margin };
-            self.low[axis] = from * cells_per_block;
-            self.size[axis] = ((to - from + 1) * cells_per_block) as usize;
+            new_low[axis] = from * cells_per_block;
+            new_size[axis] = (i64::from(to - from + 1) * i64::from(cells_per_block)) as usize;
         }
+        let is_too_large =
+            new_size.iter().try_fold(1usize, |n, side| n.checked_mul(*side)).is_none_or(|n| n > MAX_CELLS);
+        if is_too_large && !is_other {
+            return;
+        }
+        if is_too_large {
+            // Nothing to keep, and no box holds it all: an empty grid of the new kind.
+            (new_low, new_size) = (low.map(|v| v * cells_per_block), [0; 3]);
+        }
+        report.is_rebuilt = true;
+        (self.low, self.size) = (new_low, new_size);
         self.resolution_m = resolution_m;
         self.cells_per_block = cells_per_block;
         let reach = ((self.max_distance_m / resolution_m + 1e-9).floor()).clamp(1.0, 250.0);
@@ -70,6 +81,15 @@ impl DistanceField {
         self.squared = vec![BEYOND; cells];
         self.site = vec![0; cells];
         self.seen_revision = 0;
+    }
+
+    /// Whether a block lies in the grid.
+    pub(crate) fn covers(&self, key: BlockKey) -> bool {
+        let key = [key.x, key.y, key.z];
+        (0..3).all(|axis| {
+            let first = key[axis] * self.cells_per_block - self.low[axis];
+            first >= 0 && (first + self.cells_per_block) as usize <= self.size[axis]
+        })
     }
 
     /// Joins the voxels of a block into cells; returns how many changed and marks the columns whose obstacles did.

@@ -17,6 +17,7 @@ use thiserror::Error;
 
 use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
 use crate::ray::{RayWalk, fixed, floor};
+use crate::returns::{LANES, Returns};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
 /// What one call of [`Volume::integrate`] did.
@@ -120,76 +121,80 @@ impl Volume {
     /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All pull, except
     /// on a surface that is firmly known: there only the first return pulls, and only every other scan unless it does not
     /// agree with the map.
-    #[inline(never)]
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
-        let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
-        let near = near.max(1e-6);
-        let mut rays = Vec::with_capacity(points.len() / 2);
+        let (near, far) = ((self.config.min_range_m * scale).max(1e-6), self.config.max_range_m * scale);
         let turn = u32::try_from(self.config.clear_every).unwrap_or(u32::MAX);
-        let firm = self.config.max_weight / 2;
-        let behind = self.config.behind_m * scale;
-        let protected = [0.5 * behind, behind];
-        let voxels_per_unit = 1.0 / (f64::from(self.thresholds.units_per_m) * self.config.voxel_m);
-        for point in points {
-            let offset = point.coords.cast::<f64>() * scale - scan.origin;
-            let range = offset.norm();
-            if !range.is_finite() {
-                scan.report.non_finite += 1;
-                continue;
-            }
-            if range < near {
-                scan.report.too_near += 1;
-                continue;
-            }
-            let direction = offset * (1.0 / range);
-            let is_beyond = range > far;
-            let tip = scan.origin + if is_beyond { direction * far } else { offset };
-            let end: [i32; 3] = tip.map(floor).into();
-            let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
-            let phase = checker.wrapping_add(self.revision);
-            // The usual turns are powers of two; a division for each point is felt.
-            let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
-            let may_pull = phase & 1 == 0;
-            if is_beyond {
-                scan.report.beyond_range += 1;
-                if is_turn {
-                    rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
-                }
-                continue;
-            }
-            scan.report.integrated += 1;
-            let id = self.enter(BlockKey::of_voxel(end), scan);
-            if id == NONE {
-                continue;
-            }
-            let block = &mut self.blocks[id as usize];
-            let local = local_of(end);
-            let is_first = !contains(&block.hit, local);
-            insert(&mut block.hit, local);
-            let is_clearing = is_first && is_turn;
-            let is_firm = contains(&block.near_surface, local) && block.weight[local] >= firm;
-            if is_firm && !is_clearing {
-                let depth = range - (Vector3::from(end.map(|i| f64::from(i) + 0.5)) - scan.origin).dot(&direction);
-                let agrees = (depth - f64::from(block.distance[local]) * voxels_per_unit).abs() < AGREES_VOXELS;
-                if !is_first {
+        let mut rays = Vec::with_capacity(points.len() / 2);
+        let mut returns = Returns::new();
+        for chunk in points.chunks(LANES) {
+            returns.take(chunk, scale, &scan.origin, far);
+            for lane in 0..chunk.len() {
+                let range = returns.range[lane];
+                if !range.is_finite() {
+                    scan.report.non_finite += 1;
                     continue;
                 }
-                if agrees && !may_pull {
-                    // It says nothing new, but what it stands for must not be cleared: the solid may begin in the next voxel.
-                    for behind in protected {
-                        let voxel = (tip + direction * behind).map(floor).into();
-                        let id = self.enter(BlockKey::of_voxel(voxel), scan);
-                        if id != NONE {
-                            insert(&mut self.blocks[id as usize].in_band, local_of(voxel));
-                        }
+                if range < near {
+                    scan.report.too_near += 1;
+                    continue;
+                }
+                let (direction, end) = (returns.direction(lane), returns.end(lane));
+                let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
+                let phase = checker.wrapping_add(self.revision);
+                // The usual turns are powers of two; a division for each point is felt.
+                let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
+                if range <= far {
+                    scan.report.integrated += 1;
+                    let ray = Ray { direction, range, end: Some(end), end_block: NONE, is_clearing: is_turn };
+                    rays.extend(self.mark_return(ray, end, phase & 1 == 0, scan));
+                } else {
+                    scan.report.beyond_range += 1;
+                    if is_turn {
+                        rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
                     }
-                    continue;
                 }
             }
-            rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing });
         }
         rays
+    }
+
+    /// Marks the voxel of a return; gives the ray back if it pulls.
+    #[inline]
+    fn mark_return(&mut self, mut ray: Ray, end: [i32; 3], is_pulling_turn: bool, scan: &mut Scan) -> Option<Ray> {
+        ray.end_block = self.enter(BlockKey::of_voxel(end), scan);
+        if ray.end_block == NONE {
+            return None;
+        }
+        let block = &mut self.blocks[ray.end_block as usize];
+        let local = local_of(end);
+        let is_first = !contains(&block.hit, local);
+        insert(&mut block.hit, local);
+        ray.is_clearing &= is_first;
+        let is_firm = contains(&block.near_surface, local) && block.weight[local] >= self.config.max_weight / 2;
+        if !is_firm || ray.is_clearing {
+            return Some(ray);
+        }
+        if !is_first {
+            return None;
+        }
+        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
+        let depth = ray.range - (Vector3::from(end.map(|i| f64::from(i) + 0.5)) - scan.origin).dot(&ray.direction);
+        let agrees =
+            (depth * units_per_voxel - f64::from(block.distance[local])).abs() < AGREES_VOXELS * units_per_voxel;
+        if is_pulling_turn || !agrees {
+            return Some(ray);
+        }
+        // It says nothing new, but what it stands for must not be cleared: the solid may begin in the next voxel.
+        let behind = self.config.behind_m / self.config.voxel_m;
+        for part in [0.5, 1.0] {
+            let voxel = (scan.origin + ray.direction * (ray.range + part * behind)).map(floor).into();
+            let id = self.enter(BlockKey::of_voxel(voxel), scan);
+            if id != NONE {
+                insert(&mut self.blocks[id as usize].in_band, local_of(voxel));
+            }
+        }
+        None
     }
 
     /// Step 1, voxel by voxel.
@@ -258,7 +263,6 @@ impl Volume {
     }
 
     /// May a ray clear the voxel near a surface that it stands in?
-    #[inline(never)]
     pub(crate) fn may_clear(&self, id: u32, voxel: [i32; 3], ray: &Ray, origin: &Vector3<f64>) -> bool {
         let here = f64::from(self.blocks[id as usize].distance[local_of(voxel)]);
         let noticeable = 0.6 * f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
@@ -307,7 +311,6 @@ impl Volume {
     }
 
     /// Step 3, and the bit sets of what changed.
-    #[inline(never)]
     fn clear_marked(&mut self, scan: &mut Scan) {
         for id in &scan.touched {
             let block = &mut self.blocks[*id as usize];
@@ -345,7 +348,6 @@ impl Volume {
     }
 
     /// The block of a key, made if need be and marked as touched.
-    #[inline(never)]
     pub(crate) fn enter(&mut self, key: BlockKey, scan: &mut Scan) -> u32 {
         if scan.last_entered.0 != key {
             let id = self.ensure_block(key).map_or(NONE, |id| self.touch(id, scan));

@@ -85,6 +85,7 @@ pub mod places;
 pub mod ply;
 mod ray;
 mod recent;
+mod returns;
 pub mod sight;
 mod slice;
 pub mod store;

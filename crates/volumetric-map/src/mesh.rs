@@ -36,10 +36,22 @@ pub struct MeshDelta {
 
 impl Volume {
     /// Brings the mesh up to date; looks only at blocks whose surface changed since the last call by more than a fifth of a voxel
-    /// (or whose labels did), and at the neighbours that share a cell with them. So a vertex may lag by a centimetre;
-    /// [`rebuild_mesh`](Self::rebuild_mesh) leaves nothing out.
+    /// (or whose labels did), and at the neighbours that share a changed voxel with them. So a vertex may lag by a centimetre;
+    /// [`complete_mesh`](Self::complete_mesh) leaves nothing out.
     pub fn update_mesh(&mut self) -> MeshDelta {
-        let mut stale = self.stale_blocks();
+        let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
+        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as u16, near: (1.1 * units_per_voxel) as u16 };
+        self.mesh_again(&tolerance, self.mesh_cache.seen)
+    }
+
+    /// The same for every change, however small, also of those before the last call: the mesh that
+    /// [`rebuild_mesh`](Self::rebuild_mesh) makes. It compares the whole map with what was meshed; for a mesh that is kept.
+    pub fn complete_mesh(&mut self) -> MeshDelta {
+        self.mesh_again(&Tolerance { moved: 0, near: u16::MAX }, 0)
+    }
+
+    fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
+        let mut stale = self.stale_blocks(tolerance, since);
         stale.sort_unstable();
         stale.dedup();
         let mut delta = MeshDelta::default();
@@ -65,7 +77,7 @@ impl Volume {
     /// Makes the whole mesh anew.
     pub fn rebuild_mesh(&mut self) -> MeshDelta {
         self.mesh_cache = MeshCache::default();
-        self.update_mesh()
+        self.complete_mesh()
     }
 
     /// The whole mesh as of the last [`update_mesh`](Self::update_mesh), blocks in ascending order.
@@ -115,15 +127,13 @@ impl Volume {
     }
 
     /// Blocks to mesh again: the changed ones, and those on their negative sides whose cells reach to a changed voxel.
-    fn stale_blocks(&mut self) -> Vec<BlockKey> {
-        let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
-        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as i16, near: (1.1 * units_per_voxel) as i16 };
+    fn stale_blocks(&mut self, tolerance: &Tolerance, since: u32) -> Vec<BlockKey> {
         let cache = &mut self.mesh_cache;
         let mut stale = Vec::new();
         let changed = self.recent.iter().map(|id| &self.blocks[id as usize]);
-        for block in changed.take_while(|block| block.newest_revision() > cache.seen) {
+        for block in changed.take_while(|block| block.newest_revision() > since) {
             let moved = match cache.shape.get(&block.key.packed()) {
-                Some(shape) => shape.moved(block, &tolerance),
+                Some(shape) => shape.moved(block, tolerance),
                 None if block.near_surface == [0; 8] => continue,
                 None => ALL_VOXELS,
             };
@@ -379,8 +389,7 @@ impl Shape {
             let (old, new) = (&self.distance[64 * z..][..64], &block.distance[64 * z..][..64]);
             // Only near the surface: a voxel far from it that changes moves no vertex.
             let is_moved = |(a, b): (&i16, &i16)| {
-                (a.abs_diff(*b) > tolerance.moved as u16)
-                    & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near as u16)
+                (a.abs_diff(*b) > tolerance.moved) & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near)
             };
             if old.iter().zip(new).fold(false, |any, pair| any | is_moved(pair)) {
                 for (bit, pair) in old.iter().zip(new).enumerate() {
@@ -403,9 +412,9 @@ impl Shape {
 /// In stored units.
 struct Tolerance {
     /// A voxel has moved if its distance changed by more than this.
-    moved: i16,
+    moved: u16,
     /// And was or is nearer to the surface than this.
-    near: i16,
+    near: u16,
 }
 
 /// In a layer: all voxels, x = 0, y = 0, x = y = 0.

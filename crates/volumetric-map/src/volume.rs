@@ -178,10 +178,16 @@ impl Volume {
         self.recent.iter().map(|id| &self.blocks[id as usize]).take_while(move |b| b.newest_revision() > revision)
     }
 
-    /// Bytes taken by the blocks.
+    /// Number of voxels that took at least one observation.
+    pub fn observed_voxels(&self) -> usize {
+        self.blocks.iter().map(|block| block.weight.iter().filter(|weight| **weight > 0).count()).sum()
+    }
+
+    /// Bytes taken by the blocks, their votes and the index (with its room to grow); the mesh is not counted.
     pub fn memory_bytes(&self) -> usize {
         let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
-        self.blocks.len() * (size_of::<Block>() + size_of::<Node>() + size_of::<[u32; 2]>()) + votes
+        let index = self.index.capacity() * 8 / 7 * (size_of::<(u64, u32)>() + 1);
+        self.blocks.len() * (size_of::<Block>() + size_of::<Node>() + size_of::<[u32; 2]>()) + votes + index
     }
 
     /// Checks everything that must hold between the parts; for tests.

@@ -470,6 +470,27 @@ mod mesh {
         }
 
         #[test]
+        fn completing_the_mesh_again_and_again_gives_what_a_rebuild_gives(scans in prop::collection::vec(scan(), 1..5), lags in any::<u8>()) {
+            let mut volume = Volume::new(VolumeConfig::default()).unwrap();
+            for (k, (origin, points)) in scans.iter().enumerate() {
+                for _ in 0..3 {
+                    volume.integrate(origin, points).unwrap();
+                    // Some updates leave small changes out: they must not be forgotten.
+                    if lags >> k & 1 == 1 {
+                        volume.update_mesh();
+                    }
+                }
+                let labelled: Vec<_> = points.iter().take(k).map(|p| (*p, 3)).collect();
+                volume.vote_labels(&labelled);
+                volume.complete_mesh();
+                let mut rebuilt = volume.clone();
+                let delta = rebuilt.rebuild_mesh();
+                prop_assert_eq!(volume.mesh(), rebuilt.mesh());
+                prop_assert_eq!((delta.vertices, delta.faces / 2), (volume.mesh().vertices.len(), delta.faces - delta.faces / 2));
+            }
+        }
+
+        #[test]
         fn broken_ply_is_an_error_and_never_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..80), cut in 0usize..300) {
             let header = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty ushort label\nelement face 9\nproperty list uchar uint vertex_indices\nend_header\n";
             let mut file = header.to_vec();
