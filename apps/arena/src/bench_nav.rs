@@ -7,16 +7,17 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::Result;
-use indicatif::{ProgressBar, ProgressStyle};
 use mission::robot_model::{RobotKind, RobotModel};
 use mission::stage_clock::CpuScope;
 use serde::Serialize;
 
 use crate::cli::word;
+use crate::progress::ProgressView;
 use crate::run::{RunConfig, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scenario, draw_scenario};
 use crate::summary::Summary;
+use crate::workers::on_each_core;
 use crate::write_run::write_run;
 
 /// What was drawn: how hard the bench is.
@@ -73,45 +74,22 @@ pub fn bench_nav(
     stop: &Arc<AtomicBool>,
 ) -> Result<BenchNav> {
     let start = Instant::now();
-    let bar = if is_quiet { ProgressBar::hidden() } else { ProgressBar::new(indices.len() as u64) };
-    bar.set_style(
-        ProgressStyle::with_template("{elapsed_precise} [{bar:30}] {pos}/{len} {msg}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar()),
-    );
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get).min(indices.len().max(1));
+    let view = ProgressView::new(indices.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len} {msg}", is_quiet);
     let config = &RunConfig { cpu_scope: CpuScope::Thread, ..config.clone() };
-    let (next, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    // One run a core, each on that core alone, so that its CPU seconds are its own.
-    let work = || -> Result<Vec<(usize, Outcome)>> {
-        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-        let mut outcomes = Vec::new();
-        loop {
-            let position = next.fetch_add(1, Ordering::Relaxed);
-            let Some(&index) = indices.get(position) else { return Ok(outcomes) };
-            let outcome = alone.install(|| one_run(robot, kind, seed, index, config, keep, stop));
-            let done = successes.fetch_add(usize::from(outcome.0.success), Ordering::Relaxed);
-            bar.inc(1);
-            bar.set_message(format!("{} right", done + usize::from(outcome.0.success)));
-            if !is_quiet && !outcome.0.success {
-                bar.println(format!(
-                    "run {index}: {} | \"{}\" | {}",
-                    outcome.0.scene, outcome.0.instruction, outcome.0.reason
-                ));
-            }
-            outcomes.push((position, outcome));
+    let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let outcomes = on_each_core(indices.len(), |position| {
+        let index = indices[position];
+        let outcome = one_run(robot, kind, seed, index, config, keep, stop);
+        let summary = &outcome.0;
+        let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
+        let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
+        if !summary.success {
+            view.say(&format!("run {index}: {} | \"{}\" | {}", summary.scene, summary.instruction, summary.reason));
         }
-    };
-    let mut outcomes = std::thread::scope(|scope| -> Result<Vec<_>> {
-        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
-        let mut all = Vec::new();
-        for worker in workers {
-            all.extend(worker.join().map_err(|_| anyhow::anyhow!("a run of the bench panicked"))??);
-        }
-        Ok(all)
+        view.show(done as u64, &format!("{done} of {} runs, {right} right", indices.len()), true);
+        outcome
     })?;
-    outcomes.sort_by_key(|(position, _)| *position);
-    let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();
-    bar.finish_and_clear();
+    view.finish();
 
     let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();
     let drawn = drawn(&facts);

@@ -14,8 +14,7 @@ use omni_sim::motion::{KinematicState, Motion};
 use omni_sim::quadrotor::{Quadrotor, QuadrotorConfig, RotorConfig};
 use omni_sim::world::World;
 
-use crate::drift::DriftingOdometry;
-use crate::simulation::estimate;
+use crate::estimate_frame::EstimateFrame;
 
 /// A thing that was left for half a second is touched anew.
 const RELEASE_S: f64 = 0.5;
@@ -72,8 +71,15 @@ impl SimulatedBody {
         Ok(SimulatedBody { kind, contacts, counter: TouchCounter::new(RELEASE_S), reported: 0, floor_z_m })
     }
 
-    /// Follows a command for one tick. A flight controller sees what the odometry sees, not the truth.
-    pub fn advance(&mut self, command: &Command, now_ns: i64, tick_ns: i64, odometry: &DriftingOdometry) -> Result<()> {
+    /// Hears a new command.
+    pub fn hear(&mut self, command: &Command, now_ns: i64) {
+        if let (Kind::Air(_, autopilot), Command::Flight(set_point)) = (&mut self.kind, command) {
+            autopilot.set(Stamp(now_ns), *set_point);
+        }
+    }
+
+    /// Follows the command for one tick. A flight controller sees what the odometry sees, not the truth.
+    pub fn advance(&mut self, command: &Command, now_ns: i64, tick_ns: i64, believed: &EstimateFrame) -> Result<()> {
         let touched = match (&mut self.kind, command) {
             (Kind::Ground(base), Command::Velocity { forward_mps, left_mps, yaw_rate_radps }) => {
                 let command =
@@ -81,16 +87,13 @@ impl SimulatedBody {
                 base.forget_before(now_ns - MEMORY_NS);
                 base.step(tick_ns as f64 * 1e-9, &command, Some(&mut self.contacts)).context("moving the base")?
             }
-            (Kind::Air(quadrotor, autopilot), Command::Flight(set_point)) => {
-                autopilot.set(Stamp(now_ns), *set_point);
+            (Kind::Air(quadrotor, autopilot), Command::Flight(_)) => {
                 quadrotor.forget_before(now_ns - MEMORY_NS);
-                let estimate_from_truth = odometry.estimate_from_body() * quadrotor.state().world_from_body.inverse();
                 let mut touched = Vec::new();
                 let steps = ((tick_ns as f64 * 1e-9) / AUTOPILOT_S).round().max(1.0) as i64;
                 for step in 0..steps {
                     let state = quadrotor.state();
-                    let mut seen = estimate(odometry, &state, now_ns + step * tick_ns / steps);
-                    seen.world_from_body = estimate_from_truth * state.world_from_body;
+                    let seen = believed.estimate(&state, Stamp(now_ns + step * tick_ns / steps));
                     let speeds = autopilot.rotor_speeds_radps(&seen);
                     let dt_s = tick_ns as f64 * 1e-9 / steps as f64;
                     let contacts = quadrotor.step(dt_s, &speeds, Some(&mut self.contacts)).context("flying")?;

@@ -4,14 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
+use mission::rig::{BUILTIN_RIGS, Rig, builtin_rig};
 use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
 
 use crate::options::Options;
+use crate::progress::ProgressView;
 use crate::run::{Progress, RunConfig, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scene, draw_start, robot_truth};
@@ -35,7 +35,11 @@ pub fn robot_main(kind: RobotKind, default_scene: &str) -> ExitCode {
 /// Whether the run was a success.
 fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bool> {
     options.validate()?;
-    let robot = load_robot(options.urdf.as_deref(), kind)?;
+    let mut robot = load_robot(options.urdf.as_deref(), kind)?;
+    let rig = options.rig.as_deref().map(|rig| load_rig(rig, &robot)).transpose()?;
+    if let Some(rig) = &rig {
+        robot = rig.fitted(&robot);
+    }
     let scene_name = options.scene.clone().unwrap_or_else(|| default_scene.to_owned());
     let out = options
         .out
@@ -44,12 +48,20 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
     if let (Some(known), Some(pose)) = (&mut known, &options.start) {
         // Whatever height was given, the robot stands on the floor of the map.
-        known.start = crate::run::pose_in_map(pose);
-        known.start.translation.vector.z = known.floor_m + robot.stance_height_m;
+        let mut start = crate::run::pose_in_map(pose);
+        start.translation.vector.z = known.floor_m + robot.stance_height_m;
+        known.start = Some(start);
     }
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
-    let config = RunConfig::new(options);
+    let mut config = RunConfig::new(options);
+    if let Some(rig) = rig {
+        config.carry(rig);
+    }
+    if let Some(path) = &options.synonyms {
+        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        config.mission.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
+    }
     let start = match (&options.known, &options.start) {
         (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
         _ => {
@@ -66,16 +78,19 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
     let stop = stop_at_ctrl_c()?;
-    let bar = progress_bar(options.quiet, config.max_time_s);
+    let view = ProgressView::new(config.max_time_s as u64, "{elapsed_precise} {spinner} {wide_msg}", options.quiet);
     let result = run(&config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut |progress| {
-        show(&bar, progress);
+        show(&view, progress);
     })?;
-    bar.finish_and_clear();
+    view.finish();
 
     write_run(&folder, &result, &scene, &task)?;
     let path = folder.publish()?;
     let summary = &result.summary;
     println!("{}", summary.reason);
+    if let Some(error) = &summary.segmenter_error {
+        eprintln!("{} of {} pictures have no masks; last: {error}", summary.images_without_masks, summary.images);
+    }
     if !options.quiet {
         println!(
             "{} in {:.1} s of simulated time, {:.1} m of way (shortest {}), {} decisions, {} prompt tokens, {} collisions.",
@@ -116,7 +131,8 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
         let name = mission::robot_model::robot_name(&text).unwrap_or_default();
         builtin_toml(&name).unwrap_or("").to_owned()
     };
-    let folder = urdf.parent().unwrap_or(std::path::Path::new("."));
+    let urdf = &std::path::absolute(urdf).with_context(|| format!("finding the folder of {}", urdf.display()))?;
+    let folder = urdf.parent().unwrap_or(std::path::Path::new("/"));
     let read_mesh = |file: &str| mesh_candidates(file, folder).into_iter().find_map(|path| std::fs::read(path).ok());
     let robot = RobotModel::parse(&text, &toml, &read_mesh).with_context(|| {
         format!("loading the robot {} (what URDF cannot carry is read from {})", urdf.display(), beside.display())
@@ -133,36 +149,31 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
     Ok(robot)
 }
 
-fn progress_bar(is_quiet: bool, max_time_s: f64) -> ProgressBar {
-    if is_quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(max_time_s as u64);
-    let style = ProgressStyle::with_template("{elapsed_precise} {spinner} {wide_msg}");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
+/// One line: when, what, how much is known, how far to go.
+/// The rig of a file, or one that ships with the program; files win over names.
+pub fn load_rig(rig: &std::path::Path, robot: &RobotModel) -> Result<Rig> {
+    let folder = rig.parent().unwrap_or(std::path::Path::new("."));
+    let read_file = |name: &str| std::fs::read_to_string(folder.join(name));
+    let shipped = rig.to_str().and_then(builtin_rig).filter(|_| !rig.exists());
+    let text = match shipped {
+        Some(text) => text.to_owned(),
+        None => std::fs::read_to_string(rig).with_context(|| {
+            let names: Vec<&str> = BUILTIN_RIGS.iter().map(|(name, _)| *name).collect();
+            format!("reading the rig {} ({} need no file)", rig.display(), names.join(", "))
+        })?,
+    };
+    let parsed = Rig::parse(&text, Some(robot), &read_file);
+    let parsed = parsed.with_context(|| format!("reading the rig {}", rig.display()))?;
+    crate::surround::check(&parsed).with_context(|| format!("simulating the rig {}", rig.display()))?;
+    Ok(parsed)
 }
 
-fn show(bar: &ProgressBar, progress: &Progress) {
-    bar.set_position(progress.sim_s as u64);
+fn show(view: &ProgressView, progress: &Progress) {
     let line = format!(
         "t {:5.1} s | {} | {} rooms, {} objects | {} decisions | {:.1} m to go",
         progress.sim_s, progress.activity, progress.rooms, progress.objects, progress.decisions, progress.left_m
     );
-    if bar.is_hidden() || console_is_dumb() {
-        // Without a terminal a bar shows nothing: one line whenever the activity changes.
-        if progress.is_news && !bar.is_hidden() {
-            bar.println(line);
-        }
-    } else {
-        bar.set_message(line);
-    }
-}
-
-/// True where a bar cannot be drawn in place.
-fn console_is_dumb() -> bool {
-    !std::io::IsTerminal::is_terminal(&std::io::stderr())
+    view.show(progress.sim_s as u64, &line, progress.is_news);
 }
 
 /// A flag that Ctrl-C sets.

@@ -113,6 +113,11 @@ impl TrueFloor {
     /// Length of the shortest way from `start` to every cell over cells with at least `radius_m` of clearance, infinite
     /// where there is none. Sixteen directions: at most 2.7 % longer than the straight way.
     pub fn distances_from(&self, starts: &[usize], radius_m: f64) -> Vec<f64> {
+        self.costs_from(starts, radius_m, |_| 1.0)
+    }
+
+    /// The same where a metre into a cell costs its `weight`, at least 1.
+    pub fn costs_from(&self, starts: &[usize], radius_m: f64, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut distance_m = vec![f64::INFINITY; self.len()];
         let mut queue = BinaryHeap::new();
         for &start in starts {
@@ -133,7 +138,7 @@ impl TrueFloor {
                 if self.clearance_m(next) < radius_m {
                     continue;
                 }
-                let there_m = here_m + CELL_M * ((dx * dx + dy * dy) as f64).sqrt();
+                let there_m = here_m + CELL_M * ((dx * dx + dy * dy) as f64).sqrt() * weight(next);
                 if there_m < distance_m[next] {
                     distance_m[next] = there_m;
                     queue.push(Visit { distance_m: there_m, cell: next });
@@ -141,6 +146,34 @@ impl TrueFloor {
             }
         }
         distance_m
+    }
+
+    /// Cells of a cheapest way to `goal` from the starts of `costs`, which [`TrueFloor::costs_from`] gave for the same
+    /// weights; both ends included. Empty if there is no way.
+    pub fn way_to(&self, costs: &[f64], goal: usize, weight: impl Fn(usize) -> f64) -> Vec<usize> {
+        if !costs[goal].is_finite() {
+            return Vec::new();
+        }
+        let (mut here, mut way) = (goal, vec![goal]);
+        // The cost falls with every step, so this ends.
+        while costs[here] > 0.0 {
+            let (ix, iy) = ((here % self.width) as i64, (here / self.width) as i64);
+            let before = DIRECTIONS
+                .iter()
+                .filter_map(|(dx, dy)| {
+                    let (x, y) = (ix + dx, iy + dy);
+                    let is_inside = x >= 0 && y >= 0 && x < self.width as i64 && y < self.height as i64;
+                    let cell = is_inside.then(|| y as usize * self.width + x as usize)?;
+                    Some((costs[cell] + CELL_M * ((dx * dx + dy * dy) as f64).sqrt() * weight(here), cell))
+                })
+                .filter(|(_, cell)| costs[*cell] < costs[here])
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let Some((_, cell)) = before else { return Vec::new() };
+            here = cell;
+            way.push(here);
+        }
+        way.reverse();
+        way
     }
 }
 

@@ -1,16 +1,25 @@
 //! The world's side of a mission: the simulator, the referee, the figures and the run folder.
 //!
 //! A run is [`run::run`]: it puts a robot into a scene, lets the mission see and command, and judges from the truth what came of it.
+//! [`record::record`] takes a robot on a tour instead and leaves a bag of ROS 2 with masks, truth and tasks.
 //! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
 
+pub mod bench_coverage;
 pub mod bench_nav;
 pub mod body;
 pub mod chart;
 pub mod cli;
+pub mod dataset;
 pub mod drift;
+pub mod estimate_frame;
 pub mod floor;
 pub mod map_picture;
 pub mod options;
+pub mod pilot;
+pub mod progress;
+pub mod record;
+pub mod record_topics;
+pub mod record_truth;
 pub mod referee;
 pub mod report;
 pub mod run;
@@ -18,9 +27,13 @@ pub mod run_folder;
 pub mod scenario;
 pub mod simulation;
 pub mod summary;
+pub mod surround;
+pub mod survey;
 pub mod task;
+pub mod tour;
 #[cfg(feature = "viz")]
 pub mod viz;
+pub mod workers;
 pub mod write_run;
 
 pub use mission;

@@ -42,8 +42,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Start with the scene graph and the map that an earlier run saved in DIR
-    #[arg(long, value_name = "DIR", requires = "start")]
+    /// Start with the scene graph and the map that an earlier run saved in DIR; without --start the robot finds out where in it it stands
+    #[arg(long, value_name = "DIR")]
     pub known: Option<PathBuf>,
 
     /// Start pose in the map of --known: metres and degrees
@@ -57,6 +57,20 @@ pub struct Options {
     /// Name of the model on that server
     #[arg(long, value_name = "NAME", requires = "llm")]
     pub model: Option<String>,
+
+    /// Address of a service that segments the pictures instead of the simulated segmenter, e.g. http://127.0.0.1:8092/segment
+    /// (formats: documentation of mission::segmenter_http)
+    #[arg(long, value_name = "URL")]
+    pub segmenter: Option<String>,
+
+    /// Other words for the names of things, a line each: "couch, settee = sofa"; they come on top of the built-in table
+    #[arg(long, value_name = "FILE")]
+    pub synonyms: Option<PathBuf>,
+
+    /// Sensors and where they sit: a file (format: documentation of mission::rig), or one that ships with the program:
+    /// rotating, fixed, fisheyes. Without it: what the robot's model says, and one panoramic camera
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "lidar")]
+    pub rig: Option<PathBuf>,
 
     /// Mount of the LiDAR
     #[arg(long, value_enum, default_value_t = LidarMount::Rotating)]
@@ -118,6 +132,13 @@ impl Options {
         {
             bail!("--llm takes the address of a plain HTTP server such as http://127.0.0.1:8091/v1, not \"{url}\"");
         }
+        if let Some(url) = &self.segmenter
+            && !url.starts_with("http://")
+        {
+            bail!(
+                "--segmenter takes the address of a plain HTTP service such as http://127.0.0.1:8092/segment, not \"{url}\""
+            );
+        }
         if let Some(urdf) = &self.urdf {
             std::fs::metadata(urdf).with_context(|| format!("reading the URDF {}", urdf.display()))?;
         }
@@ -143,6 +164,8 @@ mod tests {
     fn options_that_need_each_other_are_checked() {
         assert!(Options::try_parse_from(["ground", "find it", "--llm", "http://x"]).is_err());
         assert!(Options::try_parse_from(["ground", "find it", "--max-time", "-3"]).is_err());
+        let other = Options::try_parse_from(["ground", "find it", "--segmenter", "https://x"]).unwrap();
+        assert!(other.validate().unwrap_err().to_string().contains("http://127.0.0.1:8092/segment"));
         let options = Options::try_parse_from(["ground", "find the mug"]).unwrap();
         assert_eq!(options.max_time, 600.0);
         options.validate().unwrap();

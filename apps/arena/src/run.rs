@@ -12,15 +12,17 @@ use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
+use mission::odometer::OdometrySource;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
+use mission::rig::Rig;
 use mission::robot_model::RobotModel;
+use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
-use crate::drift::DriftConfig;
 use crate::options::{LidarMount, Options, Pose};
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
@@ -39,6 +41,8 @@ pub struct RunConfig {
     pub max_time_s: f64,
     /// A language model instead of the embedded reasoner.
     pub llm: Option<ChatConfig>,
+    /// A service that segments the pictures instead of the simulated segmenter.
+    pub segmenter: Option<HttpSegmenterConfig>,
     /// Whose CPU time the summary gives.
     pub cpu_scope: CpuScope,
 }
@@ -55,8 +59,19 @@ impl RunConfig {
             max_time_s: options.max_time,
             simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
             llm,
+            segmenter: options.segmenter.as_deref().map(HttpSegmenterConfig::new),
             ..RunConfig::default()
         }
+    }
+}
+
+impl RunConfig {
+    /// Takes the sensors of a rig on both sides. The robot model must be fitted with them ([`Rig::fitted`]).
+    pub fn carry(&mut self, rig: Rig) {
+        if let OdometrySource::LidarInertial(lio) = &mut self.mission.odometry {
+            **lio = rig.odometry((**lio).clone());
+        }
+        self.simulation.rig = Some(rig);
     }
 }
 
@@ -64,9 +79,10 @@ impl Default for RunConfig {
     fn default() -> Self {
         Self {
             mission: MissionConfig::default(),
-            simulation: SimulationConfig { drift: DriftConfig::default(), ..SimulationConfig::default() },
+            simulation: SimulationConfig::default(),
             max_time_s: 600.0,
             llm: None,
+            segmenter: None,
             cpu_scope: CpuScope::Process,
         }
     }
@@ -149,10 +165,10 @@ pub fn run(
     };
     let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
 
-    // Both sides. Without a known map the frame of the odometry begins at the robot: where in the building that is,
-    // nobody on the robot's side knows.
-    let start_in_map = match &known {
-        Some(known) => known.start,
+    // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
+    // where in the building that is, nobody on the robot's side knows.
+    let start_in_map = match known.as_ref().and_then(|known| known.start) {
+        Some(start) => start,
         None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
     };
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
@@ -172,7 +188,10 @@ pub fn run(
     if let Some(known) = known {
         mission.know(known);
     }
-    simulation.set_phrases(mission.phrases());
+    simulation.set_phrases(mission.phrases(), mission.standing_phrases().to_vec());
+    if let Some(service) = &config.segmenter {
+        simulation.use_segmenter(Box::new(HttpSegmenter::new(service.clone())));
+    }
     mission.journal.clock = StageClock::new(config.cpu_scope);
 
     // The loop: the world goes on for a step, the robot sees and commands.
@@ -185,6 +204,9 @@ pub fn run(
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
         command = mission.cycle(simulation.now());
+        if let Some(estimate) = mission.odometry() {
+            simulation.hear(estimate);
+        }
 
         let pose = simulation.true_pose();
         path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();
@@ -228,6 +250,9 @@ pub fn run(
         }
     }
 
+    let end_s = simulation.seconds();
+    let unused = mission.world.ignored.sentences();
+    mission.journal.notes.extend(unused.into_iter().map(|sentence| (end_s, sentence)));
     truth.truth_from_map *= mission.world.frame().map_from_odometry.inverse();
 
     // The verdict.
@@ -276,6 +301,9 @@ pub fn run(
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),
+        images: simulation.segmentation().images,
+        images_without_masks: simulation.segmentation().without_masks,
+        segmenter_error: simulation.segmentation().last_error.clone(),
         interrupted: mission.is_interrupted(),
         stages,
     };
@@ -283,7 +311,7 @@ pub fn run(
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
-fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
+pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
     let mut fixed = robot.clone();
     fixed.sensors.lidar.rotation_hz = 0.0;
     fixed.sensors.lidar.tilt_rad = 0.0;

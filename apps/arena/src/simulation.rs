@@ -1,11 +1,13 @@
-//! The world's side of the stream: body and physics, sensors, odometry with drift. What leaves it is what a robot could know.
+//! The world's side of the stream: body and physics, sensors, and on request an odometry with a drift of a known size. What leaves it is what a robot could know.
 
 use anyhow::{Context, Result};
 use mission::omni_perception::{
     EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
     Rle, Stamp, TrackingStatus,
 };
+use mission::rig::Rig;
 use mission::robot_model::RobotModel;
+use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
 use mission::stream::{Command, SensorEvent};
 use nalgebra::Isometry3;
@@ -14,11 +16,14 @@ use omni_sim::imu::{Imu, ImuConfig};
 use omni_sim::lidar::{LidarConfig, RotatingMount, scan};
 use omni_sim::motion::KinematicState;
 use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
+use omni_sim::render::render;
 use omni_sim::segmenter::SegmenterConfig;
 
 use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
+use crate::estimate_frame::EstimateFrame;
 use crate::scenario::Scene;
+use crate::surround::Surround;
 
 /// Settings of the world.
 #[derive(Debug, Clone, Default)]
@@ -33,10 +38,28 @@ pub struct SimulationConfig {
     pub panorama: PanoramaConfig,
     /// What the segmenter gets wrong.
     pub segmenter: SegmenterConfig,
-    /// What the odometry gets wrong.
-    pub drift: DriftConfig,
+    /// Instead of the robot's own odometry: true poses that drift by so much, in the stream.
+    pub drift: Option<DriftConfig>,
     /// The LiDAR's motor stands still.
     pub is_lidar_fixed: bool,
+    /// Sensors from a rig file; the robot model must be fitted with them ([`Rig::fitted`]).
+    pub rig: Option<Rig>,
+}
+
+impl SimulationConfig {
+    /// Takes the sensors' numbers from a rig.
+    fn carry(&mut self, rig: &Rig) {
+        let (lidar, view) = (&rig.lidar, rig.camera());
+        self.lidar.beams = lidar.beams;
+        self.lidar.columns = lidar.columns;
+        self.lidar.rate_hz = lidar.scan_hz;
+        self.lidar.vertical_fov_rad = lidar.vertical_fov_rad;
+        self.lidar.max_range_m = lidar.max_range_m;
+        self.panorama.width = view.width_px;
+        self.panorama.height = view.height_px;
+        self.panorama.phi_top_rad = view.phi_top_rad;
+        self.panorama.phi_bottom_rad = view.phi_bottom_rad;
+    }
 }
 
 /// One touch of the robot with something.
@@ -50,6 +73,17 @@ pub struct Touch {
     pub at_m: [f64; 3],
 }
 
+/// What became of the pictures.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Segmentation {
+    /// Pictures taken.
+    pub images: usize,
+    /// Those that the robot did not get, since nobody could say what is in them.
+    pub without_masks: usize,
+    /// Why, the last time.
+    pub last_error: Option<String>,
+}
+
 /// Period of odometry, IMU and physics; the encoder has its own.
 const TICK_NS: i64 = 5_000_000;
 
@@ -60,7 +94,9 @@ pub struct Simulation<'a> {
     body: SimulatedBody,
     mount: RotatingMount,
     imu: Imu,
-    odometry: DriftingOdometry,
+    drifting: Option<DriftingOdometry>,
+    /// What the flight controller believes.
+    believed: EstimateFrame,
     body_from_camera: Isometry3<f64>,
     now_ns: i64,
     steps: u64,
@@ -68,6 +104,13 @@ pub struct Simulation<'a> {
     next_scan_ns: i64,
     next_panorama_ns: i64,
     touches: Vec<Touch>,
+    /// Lenses in place of the panoramic camera.
+    surround: Option<Surround>,
+    /// Segments the pictures instead of the simulated segmenter.
+    service: Option<Box<dyn Segmenter>>,
+    /// Nouns of the instruction, and what is always looked for.
+    phrases: (Vec<String>, Vec<String>),
+    segmentation: Segmentation,
 }
 
 impl<'a> Simulation<'a> {
@@ -84,6 +127,12 @@ impl<'a> Simulation<'a> {
         config.lidar.seed = seed.wrapping_mul(3).wrapping_add(1);
         config.imu.seed = seed.wrapping_mul(3).wrapping_add(2);
         config.segmenter.seed = seed.wrapping_mul(3).wrapping_add(3);
+        let rig = config.rig.clone();
+        if let Some(rig) = &rig {
+            config.carry(rig);
+        }
+        let max_range_m = config.panorama.max_range_m;
+        let surround = rig.map(|rig| Surround::new(&rig, max_range_m)).transpose()?.flatten();
         let motor = robot.sensors.lidar;
         let mount = RotatingMount {
             body_from_stator: robot.sensors.body_from_lidar_stator,
@@ -94,7 +143,8 @@ impl<'a> Simulation<'a> {
         Ok(Simulation {
             body: SimulatedBody::new(robot, &scene.world, start)?,
             imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
-            odometry: DriftingOdometry::new(config.drift, seed, start, start_in_map),
+            drifting: config.drift.map(|drift| DriftingOdometry::new(drift, seed, start, start_in_map)),
+            believed: EstimateFrame::at_start(start, start_in_map),
             body_from_camera: robot.sensors.body_from_camera,
             mount,
             scene,
@@ -104,6 +154,10 @@ impl<'a> Simulation<'a> {
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
+            surround,
+            service: None,
+            phrases: (Vec::new(), Vec::new()),
+            segmentation: Segmentation::default(),
             config,
         })
     }
@@ -119,9 +173,27 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Words that the segmenter should look for.
-    pub fn set_phrases(&mut self, phrases: Vec<String>) {
-        self.config.segmenter.phrases = phrases;
+    /// Time from one scan's start to the next one's.
+    pub fn scan_period_ns(&self) -> i64 {
+        self.config.lidar.period_ns()
+    }
+
+    /// Words that the segmenter should look for: nouns of the instruction, and what it always looks for. The simulated one
+    /// knows all its classes anyway.
+    pub fn set_phrases(&mut self, phrases: Vec<String>, standing: Vec<String>) {
+        self.config.segmenter.phrases.clone_from(&phrases);
+        self.phrases = (phrases, standing);
+    }
+
+    /// From now on somebody else segments the pictures.
+    pub fn use_segmenter(&mut self, service: Box<dyn Segmenter>) {
+        self.config.segmenter.blank = true;
+        self.service = Some(service);
+    }
+
+    /// What became of the pictures so far.
+    pub fn segmentation(&self) -> &Segmentation {
+        &self.segmentation
     }
 
     /// Time.
@@ -144,15 +216,37 @@ impl<'a> Simulation<'a> {
         self.body.state().world_from_body
     }
 
+    /// Where the robot truly was at a time of the last second.
+    pub fn true_pose_at(&self, stamp: Stamp) -> Isometry3<f64> {
+        self.body.motion().at(stamp.0).world_from_body
+    }
+
+    /// Which thing truly is in each pixel of a panorama of the last second: column by column, 0 for the structure.
+    pub fn true_instances_at(&self, stamp: Stamp) -> Vec<u32> {
+        if let Some(surround) = &self.surround {
+            let pictures = surround.photograph(&self.scene.world, self.body.motion(), stamp.0);
+            return pictures.map_or_else(|_| Vec::new(), |pictures| surround.instances(&pictures));
+        }
+        let world_from_camera = self.true_pose_at(stamp) * self.body_from_camera;
+        let camera = &self.config.panorama;
+        render(&self.scene.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
+    }
+
     /// Every touch so far.
     pub fn touches(&self) -> &[Touch] {
         &self.touches
+    }
+
+    /// The newest estimate of the robot's own odometry, for its flight controller.
+    pub fn hear(&mut self, estimate: &OdometryEstimate) {
+        self.believed = EstimateFrame::of(estimate, &self.body.state());
     }
 
     /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery; what it
     /// costs goes to `clock`.
     pub fn advance(&mut self, command: &Command, step_ns: i64, clock: &mut StageClock) -> Result<Vec<SensorEvent>> {
         let mut events = Vec::new();
+        self.body.hear(command, self.now_ns);
         let end_ns = self.now_ns + step_ns;
         while self.now_ns < end_ns {
             clock.time("sim physics", || self.tick(command, &mut events))?;
@@ -162,7 +256,12 @@ impl<'a> Simulation<'a> {
                 self.next_scan_ns += period_ns;
             }
             if self.now_ns >= self.next_panorama_ns {
-                events.push(SensorEvent::Panorama(clock.time("sim panorama", || self.photograph())?));
+                let panorama = match &self.surround {
+                    None => clock.time("sim panorama", || self.photograph())?,
+                    Some(surround) => self.look_around(surround, clock)?,
+                };
+                // Without masks it is no picture of an empty room: the robot does not get it.
+                events.extend(self.segmented(panorama).map(SensorEvent::Panorama));
                 self.next_panorama_ns += self.config.panorama.period_ns();
             }
         }
@@ -172,7 +271,7 @@ impl<'a> Simulation<'a> {
 
     /// Body, contacts, IMU, encoder and odometry for one tick.
     fn tick(&mut self, command: &Command, events: &mut Vec<SensorEvent>) -> Result<()> {
-        self.body.advance(command, self.now_ns, TICK_NS, &self.odometry)?;
+        self.body.advance(command, self.now_ns, TICK_NS, &self.believed)?;
         self.now_ns += TICK_NS;
         for touch in self.body.take_touches() {
             let what = match touch.instance {
@@ -181,7 +280,8 @@ impl<'a> Simulation<'a> {
             };
             self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m: touch.point.coords.into() });
         }
-        while self.next_encoder_ns <= self.now_ns {
+        // A LiDAR without a motor has no encoder.
+        while self.mount.rate_hz != 0.0 && self.next_encoder_ns <= self.now_ns {
             let sample = encoder_sample(&self.mount, &self.config.encoder, self.next_encoder_ns);
             events.push(SensorEvent::Encoder(EncoderSample {
                 stamp: Stamp(sample.stamp_ns),
@@ -195,9 +295,13 @@ impl<'a> Simulation<'a> {
             angular_velocity_radps: sample.angular_velocity_radps,
             specific_force_mps2: sample.specific_force_mps2,
         }));
-        let state = self.body.state();
-        self.odometry.advance(&state.world_from_body);
-        events.push(SensorEvent::Odometry(estimate(&self.odometry, &state, self.now_ns)));
+        if let Some(drifting) = &mut self.drifting {
+            let state = self.body.state();
+            drifting.advance(&state.world_from_body);
+            let estimate = estimate(drifting, &state, self.now_ns);
+            self.believed = EstimateFrame::of(&estimate, &state);
+            events.push(SensorEvent::Odometry(estimate));
+        }
         Ok(())
     }
 
@@ -211,6 +315,32 @@ impl<'a> Simulation<'a> {
                 .iter()
                 .map(|point| RawPoint { position: point.position, offset_ns: point.offset_ns, ring: point.ring })
                 .collect(),
+        })
+    }
+
+    /// The picture with the masks of the service if there is one, and `None` if that failed.
+    fn segmented(&mut self, panorama: MaskedPanorama) -> Option<MaskedPanorama> {
+        self.segmentation.images += 1;
+        let Some(service) = &mut self.service else { return Some(panorama) };
+        let image = panorama.image.unwrap_or(RgbImage { width: 0, height: 0, rgb: Vec::new() });
+        let (phrases, standing) = (&self.phrases.0, &self.phrases.1);
+        let answer = service.segment(SegmentRequest { stamp: panorama.stamp, image, phrases, standing });
+        answer
+            .inspect_err(|error| {
+                self.segmentation.without_masks += 1;
+                self.segmentation.last_error = Some(error.to_string());
+            })
+            .ok()
+    }
+
+    /// Pictures of all lenses, stitched by the robot's side.
+    fn look_around(&self, surround: &Surround, clock: &mut StageClock) -> Result<MaskedPanorama> {
+        let (world, motion) = (&self.scene.world, self.body.motion());
+        let pictures = clock.time("sim panorama", || surround.photograph(world, motion, self.now_ns))?;
+        let panorama = clock.time("stitching", || surround.stitch(&pictures))?;
+        clock.time("sim panorama", || {
+            let segmenter = &self.config.segmenter;
+            masked_panorama(surround.segment(&pictures, panorama, world, motion, segmenter, self.now_ns)?)
         })
     }
 
@@ -228,8 +358,8 @@ impl<'a> Simulation<'a> {
     }
 }
 
-/// The odometry's view of a state.
-pub fn estimate(odometry: &DriftingOdometry, state: &KinematicState, now_ns: i64) -> OdometryEstimate {
+/// The drifting odometry's view of a state.
+fn estimate(odometry: &DriftingOdometry, state: &KinematicState, now_ns: i64) -> OdometryEstimate {
     OdometryEstimate {
         stamp: Stamp(now_ns),
         world_from_body: odometry.estimate_from_body(),
@@ -248,7 +378,7 @@ fn masked_panorama(record: PanoramaRecord) -> Result<MaskedPanorama> {
         .into_iter()
         .map(|mask| {
             let rle = Rle::from_counts(width, height, &mask.counts).context("reading a mask")?;
-            Ok(Mask { rle, label: mask.label, score: mask.score, caption: mask.caption })
+            Ok(Mask { caption: mask.caption, track: Some(mask.track), ..Mask::new(rle, mask.label, mask.score) })
         })
         .collect::<Result<Vec<Mask>>>()?;
     Ok(MaskedPanorama {

@@ -52,6 +52,12 @@ pub struct Summary {
     pub rooms_found: usize,
     /// Confirmed objects in the scene graph.
     pub objects_found: usize,
+    /// Pictures that were to be segmented.
+    pub images: usize,
+    /// Those among them for which the segmenter gave nothing that could be used.
+    pub images_without_masks: usize,
+    /// Why, the last time; `null` if it never failed.
+    pub segmenter_error: Option<String>,
     /// True if a person stopped the run.
     pub interrupted: bool,
     /// Where the time went.

@@ -35,8 +35,9 @@ const PROMISED: [&str; 21] = [
     "objects_found",
     "stages",
 ];
-/// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it.
-const ADDED: [&str; 3] = ["model", "kind", "interrupted"];
+/// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it, what became of the
+/// pictures.
+const ADDED: [&str; 6] = ["model", "kind", "interrupted", "images", "images_without_masks", "segmenter_error"];
 
 const FILES: [&str; 14] = [
     "summary.json",

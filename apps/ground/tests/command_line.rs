@@ -76,6 +76,7 @@ fn help_reads_well_and_names_every_option() {
         "--start",
         "--llm",
         "--model",
+        "--rig",
         "--lidar",
         "--max-time",
         "--quiet",
@@ -112,6 +113,7 @@ fn unknown_options_and_values_are_refused() {
     refused(&[FIND, "--max-time", "0"], &["positive"]);
     refused(&[FIND, "--max-time", "NaN"], &["NaN"]);
     refused(&[FIND, "--lidar", "sideways"], &["rotating", "fixed"]);
+    refused(&[FIND, "--lidar", "fixed", "--rig", "fixed"], &["--rig", "--lidar"]);
     refused(&[FIND, "--llm", "http://127.0.0.1:1/v1"], &["--model"]);
 }
 
@@ -151,6 +153,20 @@ fn a_missing_or_broken_urdf_is_refused_with_its_name() {
         <collision><geometry><box size=\"0.4 0.3 0.2\"/></geometry></collision></link></robot>";
     fs::write(folder.path().join("stranger.urdf"), sound).unwrap();
     refused("stranger.urdf", &["stranger.toml", "max_speed_mps"]);
+}
+
+#[test]
+fn a_missing_or_broken_rig_is_refused_with_what_would_be_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused =
+        |rig: &str, words: &[&str]| check_refused(folder.path(), &[FIND, "--scene", "spin", "--rig", rig], words);
+    refused("nowhere.toml", &["nowhere.toml", "rotating", "fixed", "fisheyes"]);
+    fs::write(folder.path().join("loose.toml"), "version = 1\n[lidar]\nmount = \"loose\"\n[[camera]]\n").unwrap();
+    refused("loose.toml", &["loose.toml", "lidar.mount", "rotating"]);
+    let normal = "version = 1\n[lidar]\nmount = \"fixed\"\n[[camera]]\nname = \"normal\"\nmodel = \"pinhole-radtan\"\n\
+        width_px = 64\nheight_px = 48\nintrinsics = [40, 40, 31.5, 23.5]\ndistortion = [0, 0, 0, 0]\n";
+    fs::write(folder.path().join("normal.toml"), normal).unwrap();
+    refused("normal.toml", &["normal", "kannala-brandt"]);
 }
 
 #[test]
@@ -197,7 +213,7 @@ fn a_start_that_is_no_pose_is_refused_with_an_example() {
     refused("1,2,3,inf", &["finite"]);
     refused("", &["x,y,z,yaw"]);
     check_refused(folder.path(), &[FIND, "--start", "1,2,0.3,0"], &["--known"]);
-    check_refused(folder.path(), &[FIND, "--known", "x"], &["--start"]);
+    check_refused(folder.path(), &[FIND, "--known", "x"], &["x/graph.json"]);
 }
 
 #[test]

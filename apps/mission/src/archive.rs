@@ -11,6 +11,8 @@ use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use volumetric_map::Volume;
 
+use crate::localisation::{Looks, Lost};
+use crate::map_frame::MapFrame;
 use crate::mission::Mission;
 use crate::world_model::WorldModel;
 
@@ -37,8 +39,8 @@ pub struct Known {
     pub labels: BTreeMap<u16, String>,
     /// Height of the floor.
     pub floor_m: f64,
-    /// Where the robot is put into it.
-    pub start: Isometry3<f64>,
+    /// Where the robot is put into it; `None` if it has to find that out.
+    pub start: Option<Isometry3<f64>>,
 }
 
 /// Writes graph, mesh and map into `folder`, which exists.
@@ -61,7 +63,7 @@ pub fn save(world: &WorldModel, into: &Path) -> Result<()> {
     std::fs::write(&path, serde_json::to_vec_pretty(&info)?).with_context(|| format!("writing {}", path.display()))
 }
 
-/// Reads what [`save`] wrote. The robot's start pose in it is set by the caller.
+/// Reads what [`save`] wrote. The robot's start pose in it, if it is known, is set by the caller.
 ///
 /// # Errors
 /// A missing, broken or newer file, with its name.
@@ -80,12 +82,18 @@ pub fn load(from: &Path) -> Result<Known> {
     let path = from.join(MAP_FILE);
     let file = File::open(&path).with_context(|| format!("opening {}", path.display()))?;
     let volume = Volume::load(BufReader::new(file)).with_context(|| format!("reading {}", path.display()))?;
-    Ok(Known { graph: loaded.graph, volume, labels: info.labels, floor_m: info.floor_m, start: Isometry3::identity() })
+    Ok(Known { graph: loaded.graph, volume, labels: info.labels, floor_m: info.floor_m, start: None })
 }
 
 impl Mission {
-    /// Begins with what is known of the building. Call before the first event.
+    /// Begins with what is known of the building; without a start pose the robot has to find out where in it it stands. Call
+    /// before the first event.
     pub fn know(&mut self, known: Known) {
-        self.world.know(known);
+        if known.start.is_some() {
+            self.world.know(known, MapFrame::default());
+        } else {
+            self.world.looks = Some(Looks::default());
+            self.lost = Some(Box::new(Lost::new(known)));
+        }
     }
 }

@@ -76,6 +76,15 @@ impl Body {
         }
     }
 
+    /// The map's frame became another one while the body stood: `new_from_old` is a turn about the vertical and a shift, and the
+    /// floor rose by `floor_rise_m`.
+    pub fn change_frame(&mut self, new_from_old: &Isometry3<f64>, floor_rise_m: f64) {
+        match self {
+            Body::Ground(drive) => drive.set_goal(Goal::Stay),
+            Body::Air(fly) => fly.change_frame(new_from_old, floor_rise_m),
+        }
+    }
+
     /// Takes a new goal.
     pub fn set_goal(&mut self, goal: Goal) {
         match self {

@@ -1,15 +1,22 @@
 //! All numbers of a mission in one place, with unit, meaning and reason.
 
 use octant_prompt::PromptConfig;
+use omni_perception::{EncoderTrack, LabelNames};
+use robot_model::RobotModel;
 use volumetric_map::VolumeConfig;
 
 use crate::coverage::CoverageConfig;
+use crate::error::MissionError;
+use crate::odometer::OdometrySource;
 use crate::rooms::RoomConfig;
+use crate::segmenter::STANDING;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
-/// [`RobotModel`](robot_model::RobotModel), not from here.
+/// [`RobotModel`], not from here.
 #[derive(Debug, Clone)]
 pub struct MissionConfig {
+    /// Who says where the robot is.
+    pub odometry: OdometrySource,
     /// Volume of the map; voxels of 5 cm, because doors of 1.0 m must stay open for a robot of 0.75 m.
     pub volume: VolumeConfig,
     /// Rooms.
@@ -36,6 +43,10 @@ pub struct MissionConfig {
     /// Standing before the thing it went to, the robot looks at it for this long before it decides, default 2.5 s: five
     /// images from nearby.
     pub close_look_s: f64,
+    /// Other words for the names of things: the built-in table, and a user's on top.
+    pub label_names: LabelNames,
+    /// What the segmenter always looks for besides the nouns of the instruction.
+    pub standing_phrases: Vec<String>,
     /// Labels wait so long for the scans around their image, default 0.4 s.
     pub label_delay_s: f64,
     /// ... and take points of scans at most this far from the image time, default 1.0 s: with the delay two thirds of a turn of
@@ -57,6 +68,7 @@ pub struct MissionConfig {
 impl Default for MissionConfig {
     fn default() -> Self {
         Self {
+            odometry: OdometrySource::LidarInertial(Box::default()),
             volume: VolumeConfig::default(),
             rooms: RoomConfig::default(),
             coverage: CoverageConfig::default(),
@@ -69,6 +81,8 @@ impl Default for MissionConfig {
             reasoning_latency_s: 0.2,
             decision_period_s: 1.0,
             close_look_s: 2.5,
+            label_names: LabelNames::default(),
+            standing_phrases: STANDING.iter().map(|phrase| (*phrase).to_owned()).collect(),
             label_delay_s: 0.4,
             label_window_s: 1.0,
             stop_distance_m: 0.85,
@@ -77,5 +91,64 @@ impl Default for MissionConfig {
             obstacle_memory_s: 2.1,
             max_attempts: 3,
         }
+    }
+}
+
+impl MissionConfig {
+    /// Checks the numbers that nobody else checks: each is finite, and positive or at least not negative.
+    ///
+    /// # Errors
+    /// [`MissionError::Config`] with the name of the first one that is not.
+    pub fn validate(&self) -> Result<(), MissionError> {
+        let positive = [
+            ("field_resolution_m", self.field_resolution_m),
+            ("field_max_distance_m", self.field_max_distance_m),
+            ("refresh_period_s", self.refresh_period_s),
+            ("control_period_s", self.control_period_s),
+            ("label_window_s", self.label_window_s),
+            ("stop_distance_m", self.stop_distance_m),
+            ("flight_height_m", self.flight_height_m),
+            ("obstacle_memory_s", self.obstacle_memory_s),
+            ("max_attempts", f64::from(self.max_attempts)),
+        ];
+        let not_negative = [
+            ("first_look_s", self.first_look_s),
+            ("reasoning_latency_s", self.reasoning_latency_s),
+            ("decision_period_s", self.decision_period_s),
+            ("close_look_s", self.close_look_s),
+            ("label_delay_s", self.label_delay_s),
+        ];
+        if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+            return Err(MissionError::Config { name, value, accepted: "a positive number" });
+        }
+        if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+            return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
+        }
+        Ok(())
+    }
+}
+
+impl MissionConfig {
+    /// The track of the LiDAR's motor before its first reading; a fixed LiDAR has no encoder and stands at zero for ever.
+    pub fn encoder_track(&self, robot: &RobotModel) -> EncoderTrack {
+        match &self.odometry {
+            _ if robot.sensors.lidar.rotation_hz == 0.0 => EncoderTrack::fixed(),
+            OdometrySource::LidarInertial(lio) => EncoderTrack::rotating(lio.encoder_latency_s),
+            OdometrySource::Stream => EncoderTrack::rotating(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_period_of_zero_is_refused_by_name() {
+        MissionConfig::default().validate().unwrap();
+        let broken = MissionConfig { refresh_period_s: 0.0, ..MissionConfig::default() };
+        assert!(broken.validate().unwrap_err().to_string().contains("refresh_period_s"));
+        let broken = MissionConfig { close_look_s: f64::NAN, ..MissionConfig::default() };
+        assert!(broken.validate().unwrap_err().to_string().contains("close_look_s"));
     }
 }

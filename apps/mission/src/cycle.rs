@@ -13,7 +13,16 @@ impl Mission {
     /// What the sensors said since the last cycle, in time order (OmniVLN III-A).
     pub fn perceive(&mut self, events: impl IntoIterator<Item = SensorEvent>) {
         for event in events {
-            self.world.see(event, &mut self.journal.clock);
+            let known = match &mut self.odometer {
+                Some(odometer) => odometer.follow(event, &mut self.journal.clock),
+                None => vec![event],
+            };
+            for event in known {
+                if let Some(lost) = &mut self.lost {
+                    lost.keep(&event, self.config.obstacle_memory_s + 0.4);
+                }
+                self.world.see(event, &mut self.journal.clock);
+            }
         }
     }
 
@@ -29,14 +38,16 @@ impl Mission {
             self.body.replan(&self.world, &mut self.journal.clock);
         }
 
-        // 2. Begin: a first look all round, and off the floor.
+        // 2. Begin: a first look all round, in a known building until it shows where in it the robot stands, and off the floor.
         if t_s >= self.config.first_look_s {
+            self.find_itself(t_s);
+            let odometry = self.world.odometry.unwrap_or(odometry);
             self.body.begin(&odometry.world_from_body);
         }
 
         // 3. Reason (III-C): an answer that is due is verified at the present graph and becomes the goal; a new question
         //    is asked when the last goal is done, has failed, or something that matters was seen. Nobody waits.
-        if self.outcome.is_none() && self.body.is_ready() && t_s >= self.config.first_look_s {
+        if self.outcome.is_none() && !self.is_lost() && self.body.is_ready() && t_s >= self.config.first_look_s {
             self.take_answer(t_s);
             if self.outcome.is_none() && self.must_think(t_s) {
                 self.ask(t_s);

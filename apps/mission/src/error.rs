@@ -5,6 +5,16 @@ use thiserror::Error;
 /// Why a mission cannot start.
 #[derive(Debug, Error)]
 pub enum MissionError {
+    /// A number of the configuration makes no sense.
+    #[error("{name} is {value}; it has to be {accepted}")]
+    Config {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be accepted.
+        accepted: &'static str,
+    },
     /// The volume's settings contradict each other.
     #[error("the map cannot be set up: {0}")]
     Volume(#[from] volumetric_map::ConfigError),
@@ -14,6 +24,9 @@ pub enum MissionError {
     /// The robot's limits or footprint make no sense for driving.
     #[error("this robot cannot be driven: {0}")]
     Drive(#[from] planner::LocalPolicyError),
+    /// The odometry's settings contradict each other.
+    #[error("the odometry cannot be set up: {0}")]
+    Odometry(#[from] omni_perception::LioConfigError),
     /// There is nothing to do in the instruction.
     #[error(
         "the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\""

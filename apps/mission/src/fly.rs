@@ -137,6 +137,19 @@ impl Fly {
         }
     }
 
+    /// The map's frame became another one while the robot stood or hovered: it goes on standing there.
+    pub fn change_frame(&mut self, new_from_old: &Isometry3<f64>, floor_rise_m: f64) {
+        self.set_goal(Goal::Stay);
+        self.wants_stop = false;
+        self.flying = None;
+        self.path.clear();
+        self.hover = new_from_old * self.hover;
+        self.yaw_rad = wrap(self.yaw_rad + new_from_old.rotation.euler_angles().2);
+        self.flight_height_m += floor_rise_m;
+        self.ground_clearance_m += floor_rise_m;
+        self.config.preferred_height_m = Some(self.flight_height_m);
+    }
+
     /// Takes a new goal; the trajectory being flown goes on until the next plan replaces it. No goal is taken any more once
     /// it was told to land.
     pub fn set_goal(&mut self, goal: Goal) {

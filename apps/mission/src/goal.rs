@@ -35,7 +35,7 @@ pub enum GoalStatus {
 }
 
 /// An angle in (-pi, pi].
-pub(crate) fn wrap(angle_rad: f64) -> f64 {
+pub fn wrap(angle_rad: f64) -> f64 {
     let turned = angle_rad.rem_euclid(std::f64::consts::TAU);
     if turned > std::f64::consts::PI { turned - std::f64::consts::TAU } else { turned }
 }

@@ -29,13 +29,25 @@ pub struct GraphBuilder {
     /// Frontier places in the graph.
     frontiers: BTreeMap<dsg::PlaceId, Frontier>,
     last_pose_ns: i64,
+    refusals: u64,
 }
 
 impl GraphBuilder {
+    /// How many changes the graph has refused since this was asked last. Every change is checked before anything of it is
+    /// made, so a refusal leaves the graph as it was, and the next image or refresh tries again.
+    pub fn take_refusals(&mut self) -> u64 {
+        std::mem::take(&mut self.refusals)
+    }
+
+    fn count<T, E>(&mut self, change: Result<T, E>) {
+        self.refusals += u64::from(change.is_err());
+    }
+
     /// Takes the places of a loaded graph away: the skeleton and the frontiers of this map come anew with the first refresh.
     pub fn forget_frontiers(&mut self, graph: &mut SceneGraph) {
         let removed = graph.places().map(|place| place.id).collect();
-        let _ = dsg::update_places(graph, &PlaceUpdate { removed, ..PlaceUpdate::default() });
+        let change = dsg::update_places(graph, &PlaceUpdate { removed, ..PlaceUpdate::default() });
+        self.count(change);
         self.frontiers.clear();
     }
 
@@ -50,17 +62,16 @@ impl GraphBuilder {
         volume: &Volume,
     ) {
         const LOOK_RANGE_M: f64 = 3.5;
-        if dsg::observe_objects(graph, evidence, &self.association).is_err() {
-            return;
-        }
+        let change = dsg::observe_objects(graph, evidence, &self.association);
+        self.count(change);
         let looked_at = |object: &dsg::Object| -> Option<bool> {
             if (object.centroid - eye).norm() > LOOK_RANGE_M {
                 return None;
             }
             is_visible(eye, &object.bounds, volume).then(|| is_empty(&object.bounds, volume))
         };
-        // A refusal would leave the graph as it was; the next image tries again.
-        let _ = dsg::forget_ghosts(graph, now_ns, &looked_at, &self.association);
+        let change = dsg::forget_ghosts(graph, now_ns, &looked_at, &self.association);
+        self.count(change);
     }
 
     /// Layers 3 to 5, relations and groups.
@@ -75,24 +86,29 @@ impl GraphBuilder {
         odometry: &OdometryEstimate,
         floor_m: f64,
     ) {
-        // Every part below checks before it changes; a refusal leaves the layer as it was until the next refresh.
-        let _ = dsg::update_places(graph, &self.places_of(graph, events, frontiers, floor_m));
+        let update = self.places_of(graph, events, frontiers, floor_m);
+        let change = dsg::update_places(graph, &update);
+        self.count(change);
         if let Some(map) = rooms {
-            let _ = self.update_rooms(graph, map, floor_m);
+            let change = self.update_rooms(graph, map, floor_m);
+            self.count(change);
         }
         let blocked = |a: &Point3<f64>, b: &Point3<f64>| match field.line_of_sight(a, b, 0.0) {
             LineOfSight::Blocked { at } => Some(at),
             LineOfSight::Clear | LineOfSight::Unknown { .. } => None,
         };
-        let _ = dsg::update_relations(graph, &blocked, &geometric_score, &self.relations);
-        let _ = dsg::update_groups(graph, &self.groups);
+        let change = dsg::update_relations(graph, &blocked, &geometric_score, &self.relations);
+        self.count(change);
+        let change = dsg::update_groups(graph, &self.groups);
+        self.count(change);
         self.add_pose(graph, odometry);
     }
 
     /// The frontier places alone, without a new look at the map.
     pub fn put_frontiers(&mut self, graph: &mut SceneGraph, frontiers: &[Frontier], floor_m: f64) {
         let update = self.places_of(graph, &[], frontiers, floor_m);
-        let _ = dsg::update_places(graph, &update);
+        let change = dsg::update_places(graph, &update);
+        self.count(change);
     }
 
     /// Skeleton places as they come and go, and one place per frontier.
@@ -185,14 +201,13 @@ impl GraphBuilder {
         }
         self.last_pose_ns = odometry.stamp.0;
         if graph.agent(SELF).is_none() {
-            let _ = graph.apply(Op::PutAgent(Box::new(dsg::Agent {
-                id: SELF,
-                name: "robot".into(),
-                trajectory: Vec::new(),
-            })));
+            let robot = dsg::Agent { id: SELF, name: "robot".into(), trajectory: Vec::new() };
+            let change = graph.apply(Op::PutAgent(Box::new(robot)));
+            self.count(change);
         }
         let pose = AgentPose { stamp_ns: odometry.stamp.0, world_from_body: odometry.world_from_body };
-        let _ = graph.apply(Op::AddAgentPose(SELF, pose));
+        let change = graph.apply(Op::AddAgentPose(SELF, pose));
+        self.count(change);
     }
 }
 

@@ -9,14 +9,14 @@ use crate::openai::{ChatConfig, ChatError, chat};
 pub struct LlmReasoner {
     config: ChatConfig,
     name: String,
-    /// The last failure in words, for the report.
-    pub last_error: Option<ChatError>,
+    /// The last failure since somebody asked.
+    trouble: Option<ChatError>,
 }
 
 impl LlmReasoner {
     /// A model on a server.
     pub fn new(config: ChatConfig) -> Self {
-        Self { name: config.model.clone(), config, last_error: None }
+        Self { name: config.model.clone(), config, trouble: None }
     }
 }
 
@@ -35,7 +35,7 @@ impl Reasoner for LlmReasoner {
                     ChatError::Timeout(_) => ReasonerError::TimedOut,
                     _ => ReasonerError::Unreachable,
                 };
-                self.last_error = Some(error);
+                self.trouble = Some(error);
                 Err(failure)
             }
         }
@@ -43,5 +43,9 @@ impl Reasoner for LlmReasoner {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn take_trouble(&mut self) -> Option<String> {
+        self.trouble.take().map(|error| error.to_string())
     }
 }

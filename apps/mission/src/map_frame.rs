@@ -25,10 +25,14 @@ impl Default for MapFrame {
 
 impl MapFrame {
     /// From what the sensors said before the robot moved; the odometry's own frame if no direction of walls stands out.
-    /// `floor_m` is the height of the floor in it.
-    pub fn of_first_look(events: &[SensorEvent], mount: &RotatingMount, floor_m: f64) -> MapFrame {
-        let (mut encoder, mut trajectory) = (EncoderTrack::rotating(0.0), Trajectory::default());
-        let mut start = None;
+    /// `encoder` is the track of the motor before them; `floor_m` is the height of the floor in the odometry's frame.
+    pub fn of_first_look(
+        events: &[SensorEvent],
+        mount: &RotatingMount,
+        mut encoder: EncoderTrack,
+        floor_m: f64,
+    ) -> MapFrame {
+        let (mut trajectory, mut start) = (Trajectory::default(), None);
         for event in events {
             // What is out of order is counted when the events are taken.
             match event {

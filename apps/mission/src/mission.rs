@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
-use omni_perception::{Equirectangular, Stamp};
+use omni_perception::{Equirectangular, OdometryEstimate, Stamp};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
@@ -10,6 +10,8 @@ use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
+use crate::localisation::Lost;
+use crate::odometer::{Odometer, OdometrySource};
 use crate::reasoning::{Mind, Pending};
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -48,6 +50,8 @@ pub struct Mission {
     pub instruction: Instruction,
     /// What is known.
     pub world: WorldModel,
+    /// Its own odometry, unless somebody else's is in the stream.
+    pub(crate) odometer: Option<Odometer>,
     /// What happened.
     pub journal: Journal,
     /// Steps said to be done, in order.
@@ -77,6 +81,8 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// In a known building, until the robot knows where in it it stands.
+    pub(crate) lost: Option<Box<Lost>>,
 }
 
 impl Mission {
@@ -94,13 +100,19 @@ impl Mission {
         start: Stamp,
         world_from_body: &Isometry3<f64>,
     ) -> Result<Mission, MissionError> {
+        config.validate()?;
         let instruction = parse_instruction(instruction);
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
         }
+        let odometer = match &config.odometry {
+            OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, world_from_body)?),
+            OdometrySource::Stream => None,
+        };
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
         Ok(Mission {
             world: WorldModel::new(robot, &config, camera, floor_m)?,
+            odometer,
             body: Body::new(robot, &config, floor_m)?,
             robot: robot.clone(),
             instruction: instruction.clone(),
@@ -125,13 +137,24 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            lost: None,
             config,
         })
+    }
+
+    /// The newest estimate of its own odometry, in the odometry's frame: for a flight controller that has no eyes of its own.
+    pub fn odometry(&self) -> Option<&OdometryEstimate> {
+        self.odometer.as_ref().and_then(Odometer::newest)
     }
 
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.
     pub fn phrases(&self) -> Vec<String> {
         self.instruction.nouns()
+    }
+
+    /// What the segmenter should always look for.
+    pub fn standing_phrases(&self) -> &[String] {
+        &self.config.standing_phrases
     }
 
     /// The robot that carries it out.
@@ -165,6 +188,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.is_lost() => "finding out where it is in the known map".into(),
             None if !self.body.is_ready() => "getting ready".into(),
             None => self.target.describe(&self.world.graph),
         }
@@ -175,7 +199,7 @@ impl Mission {
         self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
     }
 
-    /// What to command a robot that has no time for a cycle: hold.
+    /// What to command before the first cycle: nothing that moves.
     pub fn idle(&mut self) -> Command {
         self.body.idle()
     }

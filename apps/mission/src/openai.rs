@@ -3,11 +3,10 @@
 //! Plain HTTP on purpose: such servers run on the robot or in the same building. What comes back is hostile until the
 //! prompt crate has parsed and checked it.
 
-use std::io::Read;
-use std::time::Duration;
-
 use serde_json::{Value, json};
 use thiserror::Error;
+
+use crate::http_post::{PostError, post_json};
 
 /// Where the model is and how long we wait for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,34 +112,13 @@ pub fn chat(config: &ChatConfig, system: &str, user: &str, schema: Option<&Value
 }
 
 fn post(url: &str, request: &Value, timeout_s: f64) -> Result<Vec<u8>, ChatError> {
-    let agent: ureq::Agent = ureq::Agent::config_builder()
-        .timeout_global(Some(Duration::from_secs_f64(timeout_s)))
-        .http_status_as_error(false)
-        .build()
-        .into();
-    let unreachable = |error: ureq::Error| match error {
-        ureq::Error::Timeout(_) => ChatError::Timeout(format!("{timeout_s:.0}")),
-        other => ChatError::Unreachable { url: url.to_owned(), cause: other.to_string() },
-    };
-    let mut response = agent.post(url).send_json(request).map_err(unreachable)?;
-    let status = response.status().as_u16();
-    let mut body = Vec::new();
-    let read = response.body_mut().as_reader().take(MAX_BODY_BYTES + 1).read_to_end(&mut body);
-    if let Err(error) = read {
-        return Err(if error.kind() == std::io::ErrorKind::TimedOut || error.to_string().contains("timeout") {
-            ChatError::Timeout(format!("{timeout_s:.0}"))
-        } else {
-            ChatError::Unreachable { url: url.to_owned(), cause: error.to_string() }
-        });
-    }
-    if body.len() as u64 > MAX_BODY_BYTES {
-        return Err(ChatError::Unreadable("it is longer than 256 KiB"));
-    }
-    if !(200..300).contains(&status) {
-        let text: String = String::from_utf8_lossy(&body).chars().take(200).collect();
-        return Err(ChatError::Status { status, body: text });
-    }
-    Ok(body)
+    post_json(url, request, timeout_s, MAX_BODY_BYTES).map_err(|error| match error {
+        PostError::Address(address) => ChatError::Address(address),
+        PostError::Unreachable { url, cause } => ChatError::Unreachable { url, cause },
+        PostError::Timeout(_) => ChatError::Timeout(format!("{timeout_s:.0}")),
+        PostError::Status { status, body } => ChatError::Status { status, body },
+        PostError::TooLong { .. } => ChatError::Unreadable("it is longer than 256 KiB"),
+    })
 }
 
 fn read_reply(body: &[u8]) -> Result<ChatReply, ChatError> {
@@ -160,8 +138,9 @@ fn read_reply(body: &[u8]) -> Result<ChatReply, ChatError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
+    use std::io::{Read, Write};
     use std::net::TcpListener;
+    use std::time::Duration;
 
     /// A server in this process that answers the next requests with the given bytes, then is gone.
     fn fake_server(answers: Vec<Vec<u8>>, delay: Duration) -> String {

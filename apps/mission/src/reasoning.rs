@@ -145,7 +145,10 @@ impl Mission {
                 return;
             }
             Waiting::Thread(receiver) => match receiver.try_recv() {
-                Ok((reasoner, answer)) => {
+                Ok((mut reasoner, answer)) => {
+                    if let Some(trouble) = reasoner.take_trouble() {
+                        self.journal.notes.push((t_s, trouble));
+                    }
                     self.reasoner = Some(Mind::Remote(reasoner));
                     answer
                 }

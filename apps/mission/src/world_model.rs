@@ -17,6 +17,7 @@ use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
 use crate::graph_builder::GraphBuilder;
+use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
 use crate::rooms::RoomMap;
@@ -47,6 +48,27 @@ pub struct Ignored {
     pub images: u64,
     /// Map updates that were refused, e.g. because the map is full.
     pub updates: u64,
+    /// Changes of the scene graph that were refused; each left its layer as it was.
+    pub changes: u64,
+}
+
+impl Ignored {
+    /// What was not used, one sentence each; nothing where all was.
+    pub fn sentences(&self) -> Vec<String> {
+        let counted = [
+            (self.points, "LiDAR points were not finite or outside the time of their scan"),
+            (self.samples, "encoder angles or poses of the odometry were not finite or out of order"),
+            (self.scans, "scans had no odometry around them"),
+            (self.images, "images had no scan or no odometry around them"),
+            (self.updates, "scans did not fit into the map any more"),
+            (self.changes, "changes of the scene graph were refused"),
+        ];
+        counted
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("not used: {count} times {what}"))
+            .collect()
+    }
 }
 
 /// Whether the map has its frame yet.
@@ -99,6 +121,8 @@ pub struct WorldModel {
     pub body_height_m: f64,
     /// What was not used.
     pub ignored: Ignored,
+    /// What was seen from where, while the robot does not know where in a known building it is.
+    pub looks: Option<Looks>,
 }
 
 impl WorldModel {
@@ -123,7 +147,7 @@ impl WorldModel {
             body_from_camera: robot.sensors.body_from_camera,
             solid_m: (body_height_m + low_m, body_height_m + high_m),
             robot: robot.clone(),
-            encoder: EncoderTrack::rotating(0.0),
+            encoder: config.encoder_track(robot),
             trajectory: Trajectory::default(),
             recent: VecDeque::new(),
             waiting: VecDeque::new(),
@@ -154,13 +178,15 @@ impl WorldModel {
             floor_m,
             body_height_m,
             ignored: Ignored::default(),
+            looks: None,
             config: config.clone(),
         })
     }
 
     /// Begins with a known building: its graph, its map, and everything in it counts as looked at.
-    pub fn know(&mut self, known: crate::archive::Known) {
-        self.frame = Frame::Set(MapFrame::default());
+    /// `frame` says where the odometry begins in it.
+    pub fn know(&mut self, known: crate::archive::Known, frame: MapFrame) {
+        self.frame = Frame::Set(frame);
         self.graph = known.graph;
         self.volume = known.volume;
         self.label_ids = known.labels.into_iter().map(|(id, name)| (name, id)).collect();
@@ -187,7 +213,9 @@ impl WorldModel {
                 let first = events.first().map_or(Stamp(0), SensorEvent::stamp);
                 if events.last().is_some_and(|last| last.stamp().0 - first.0 >= LOOK_NS) {
                     let events = std::mem::take(events);
-                    let frame = clock.time("alignment", || MapFrame::of_first_look(&events, &self.mount, self.floor_m));
+                    let frame = clock.time("alignment", || {
+                        MapFrame::of_first_look(&events, &self.mount, self.encoder.clone(), self.floor_m)
+                    });
                     self.frame = Frame::Set(frame);
                     for event in events {
                         self.take(event, clock);
@@ -199,7 +227,7 @@ impl WorldModel {
 
     fn take(&mut self, event: SensorEvent, clock: &mut StageClock) {
         match event {
-            SensorEvent::Imu(_) => {} // the odometry uses it; until that runs in here, its output comes in the stream
+            SensorEvent::Imu(_) => {} // only the odometry needs it
             SensorEvent::Encoder(sample) => {
                 if self.encoder.push(sample).is_err() {
                     self.ignored.samples += 1;
@@ -214,7 +242,10 @@ impl WorldModel {
                 }
             }
             SensorEvent::Scan(scan) => self.see_scan(&scan, clock),
-            SensorEvent::Panorama(panorama) => self.waiting.push_back(panorama),
+            SensorEvent::Panorama(mut panorama) => {
+                self.config.label_names.apply(&mut panorama);
+                self.waiting.push_back(panorama);
+            }
         }
         self.label_waiting(clock);
     }
@@ -236,12 +267,18 @@ impl WorldModel {
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
-        let here = straight.world_from_body.translation.vector;
-        let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
-        let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
-        self.obstacles.push_back((straight.stamp, obstacles));
-        while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
-            self.obstacles.pop_front();
+        if let Some(looks) = &mut self.looks {
+            looks.add(&origin, &points, self.floor_m);
+        }
+        // In the air the distance field is asked instead.
+        if self.robot.kind == RobotKind::Ground {
+            let here = straight.world_from_body.translation.vector;
+            let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
+            let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
+            self.obstacles.push_back((straight.stamp, obstacles));
+            while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
+                self.obstacles.pop_front();
+            }
         }
         let horizon = Stamp(straight.stamp.0 - 5_000_000_000);
         self.trajectory.forget_before(horizon);
@@ -258,16 +295,8 @@ impl WorldModel {
     fn obstacles_of(&self, points: &[Point3<f32>], here: &Point2<f64>) -> Vec<Point2<f32>> {
         const THIN_M: f32 = 0.04;
         const OVER_FLOOR_M: f64 = 0.10;
-        let body_m = match self.robot.kind {
-            RobotKind::Ground => self.floor_m,
-            // The ball moves with the robot's height.
-            RobotKind::Aerial => self
-                .odometry
-                .as_ref()
-                .map_or(self.floor_m, |o| o.world_from_body.translation.vector.z - self.body_height_m),
-        };
-        let low_m = (body_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
-        let high_m = (body_m + self.solid_m.1 + 0.05) as f32;
+        let low_m = (self.floor_m + self.solid_m.0.max(OVER_FLOOR_M)) as f32;
+        let high_m = (self.floor_m + self.solid_m.1 + 0.05) as f32;
         let (x, y) = (here.x as f32, here.y as f32);
         let range = OBSTACLE_RANGE_M as f32;
         let mut cells: Vec<(i32, i32)> = points
@@ -316,12 +345,10 @@ impl WorldModel {
         };
         let world_from_camera = world_from_body * self.body_from_camera;
         let window_ns = (self.config.label_window_s * 1e9) as i64;
-        let points: Vec<Point3<f32>> = self
-            .recent
-            .iter()
-            .filter(|scan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns)
-            .flat_map(|scan| scan.points_in_world.iter().copied())
-            .collect();
+        let around = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns;
+        let scans: Vec<&[Point3<f32>]> =
+            self.recent.iter().filter(around).map(|scan| scan.points_in_world.as_slice()).collect();
+        let points = scans.concat();
         if points.is_empty() {
             self.ignored.images += 1;
             return;
@@ -344,12 +371,14 @@ impl WorldModel {
                 score: observation.weight as f32,
                 points: observation.points_in_world,
                 color: observation.color_rgb,
+                track: observation.track,
             });
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
         let eye = world_from_camera * Point3::origin();
         clock
             .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
+        self.ignored.changes += self.builder.take_refusals();
         self.coverage.look(&eye.xy(), &self.slice);
     }
 
@@ -383,6 +412,7 @@ impl WorldModel {
                 self.floor_m,
             );
         });
+        self.ignored.changes += self.builder.take_refusals();
     }
 
     /// Offers the frontiers again that were left alone for a while.
@@ -405,6 +435,11 @@ impl WorldModel {
             let point = from + way * (step as f64 / steps as f64);
             self.volume.observe(&point) != Cell::Occupied
         })
+    }
+
+    /// The camera of the panoramas.
+    pub fn camera(&self) -> Equirectangular {
+        self.camera
     }
 
     /// Name of each label id that the volume carries.

@@ -1,9 +1,10 @@
-//! `omnivln bench nav`.
+//! `omnivln bench nav` and `bench coverage`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use arena::bench_coverage::{BenchCoverage, Coverage, bench_coverage};
 use arena::bench_nav::{BenchNav, bench_nav};
 use arena::cli::{load_robot, stop_at_ctrl_c};
 use arena::mission::robot_model::RobotKind;
@@ -12,11 +13,20 @@ use clap::{Args, ValueEnum};
 
 /// Which robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Robot {
+pub enum Robot {
     /// The quadruped.
     Ground,
     /// The quadrotor.
     Aerial,
+}
+
+impl From<Robot> for RobotKind {
+    fn from(robot: Robot) -> RobotKind {
+        match robot {
+            Robot::Ground => RobotKind::Ground,
+            Robot::Aerial => RobotKind::Aerial,
+        }
+    }
 }
 
 /// Options of `bench nav`.
@@ -56,10 +66,7 @@ pub struct NavOptions {
 
 /// Runs the bench and prints its table or its JSON.
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
-    let kind = match options.robot {
-        Robot::Ground => RobotKind::Ground,
-        Robot::Aerial => RobotKind::Aerial,
-    };
+    let kind = RobotKind::from(options.robot);
     anyhow::ensure!(options.scenes > 0, "--scenes must be at least 1");
     anyhow::ensure!(
         options.noise.is_finite() && options.noise >= 0.0,
@@ -128,4 +135,53 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         result.realtime_factor,
         result.wall_s
     );
+}
+
+/// Options of `bench coverage`.
+#[derive(Debug, Args)]
+pub struct CoverageOptions {
+    /// Number of buildings, each surveyed with both mounts
+    #[arg(long, default_value_t = 10)]
+    seeds: usize,
+    /// Seed of the first building; the others follow
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the bench and prints its table or its JSON.
+pub fn coverage(options: &CoverageOptions) -> Result<ExitCode> {
+    anyhow::ensure!(options.seeds > 0, "--seeds must be at least 1");
+    let robot = load_robot(None, RobotKind::Ground)?;
+    let stop = stop_at_ctrl_c()?;
+    let result = bench_coverage(&robot, options.seed, options.seeds, &RunConfig::default(), options.quiet, &stop)?;
+    if options.json {
+        println!("{}", serde_json::to_string(&result)?);
+    } else {
+        print_coverage(&result);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_coverage(result: &BenchCoverage) {
+    let row = |name: &str, mount: &str, c: &Coverage| {
+        println!(
+            "{name:>8}  {mount:9} {:9.3} {:7.3} {:6.3} {:12.3} {:11.3} {:9.1} {:8.1}",
+            c.precision, c.recall, c.f1, c.solid_angle_fraction, c.map_recall, c.known_after_s, c.objects
+        );
+    };
+    println!("    seed  mount     precision  recall     F1  solid angle  map recall  known s  objects");
+    for seed in &result.seeds {
+        row(&seed.seed.to_string(), "rotating", &seed.rotating);
+        row("", "fixed", &seed.fixed);
+    }
+    row("mean", "rotating", &result.mean.rotating);
+    row("", "fixed", &result.mean.fixed);
+    row("std", "rotating", &result.std.rotating);
+    row("", "fixed", &result.std.fixed);
 }

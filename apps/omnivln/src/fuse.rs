@@ -111,6 +111,7 @@ fn volume_config(voxel_m: f64) -> VolumeConfig {
         truncation_m: 4.0 * voxel_m,
         behind_m: 1.5 * voxel_m,
         max_range_m: 20.0f64.min(10_000.0 * voxel_m),
+        min_weight: 1,
         ..VolumeConfig::default()
     }
 }

@@ -1,8 +1,11 @@
-//! The toolbox: ask a saved scene graph, fuse scans into a map, run benches.
+//! The toolbox: ask a saved scene graph, record and read bags, align and fuse scans, run benches.
 
 mod ask;
 mod bench;
 mod fuse;
+mod odometry;
+mod record;
+mod register;
 
 use std::process::ExitCode;
 
@@ -22,6 +25,12 @@ enum Command {
     Ask(ask::AskOptions),
     /// Fuses a folder of posed scans into a mesh, a distance field and places
     Fuse(fuse::FuseOptions),
+    /// Aligns two scans: pose, inliers, time
+    Register(register::RegisterOptions),
+    /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
+    Record(record::RecordOptions),
+    /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
+    Odometry(odometry::OdometryOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -31,13 +40,19 @@ enum Command {
 enum BenchCommand {
     /// Many buildings and instructions, drawn from a seed, with the referee's verdicts
     Nav(bench::NavOptions),
+    /// The same buildings seen with a rotating and with a fixed LiDAR: objects, directions and surface known
+    Coverage(bench::CoverageOptions),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
         Command::Fuse(options) => fuse::run(&options),
+        Command::Register(options) => register::run(&options),
+        Command::Record(options) => record::run(&options),
+        Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
+        Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
     };
     match result {
         Ok(code) => code,

@@ -194,3 +194,41 @@ fn the_known_robots_load_for_the_right_program_only() {
         assert!(refusal.contains("this program is for"), "{refusal}");
     }
 }
+
+/// A corner of three walls as an ascii PLY, shifted by `x`.
+fn corner_ply(x: f64) -> String {
+    let grid = || (0..60).flat_map(|i| (0..60).map(move |j| (f64::from(i) * 0.1, f64::from(j) * 0.1)));
+    let mut rows = String::new();
+    for (u, v) in grid() {
+        rows += &format!("{} {v} 0\n{} 6 {v}\n{} {u} {v}\n", u + x, u + x, 6.0 + x);
+    }
+    let count = 3 * 60 * 60;
+    format!(
+        "ply\nformat ascii 1.0\nelement vertex {count}\nproperty double x\nproperty double y\nproperty double z\nend_header\n{rows}"
+    )
+}
+
+#[test]
+fn register_prints_the_pose_of_the_first_scan_in_the_second() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("plain characters").to_owned();
+    // The second lies far from the origin, as scans with geographic coordinates do.
+    std::fs::write(path("a.ply"), corner_ply(0.0)).expect("written");
+    std::fs::write(path("b.ply"), corner_ply(500_000.25)).expect("written");
+    let answer = json(&["register", &path("a.ply"), &path("b.ply"), "--guess", "500000,0,0,2", "--json"]);
+    let promised = BTreeSet::from(["t", "inliers", "rmse_m", "cpu_ms", "points", "iterations", "converged"]);
+    assert_eq!(keys(&answer), promised);
+    let t = |row: usize, column: usize| answer["t"][row][column].as_f64().expect("a number");
+    assert!((t(0, 3) - 500_000.25).abs() < 0.02 && t(1, 3).abs() < 0.02 && t(2, 3).abs() < 0.02, "{answer}");
+    assert!((t(0, 0) - 1.0).abs() < 1e-3 && t(3, 3) == 1.0);
+    assert_eq!(answer["inliers"], 3 * 60 * 60);
+
+    let (code, page, _) = omnivln(&["register", &path("a.ply"), &path("a.ply")]);
+    assert_eq!(code, Some(0));
+    assert!(page.contains("10800 of 10800 points"), "{page}");
+    std::fs::write(path("cut.ply"), &corner_ply(0.0)[..300]).expect("written");
+    check_refused(&["register", &path("cut.ply"), &path("a.ply")], &["cut.ply", "line 26"]);
+    check_refused(&["register", &path("none.ply"), &path("a.ply")], &["none.ply"]);
+    check_refused(&["register", &path("a.ply"), &path("b.ply")], &["b.ply", "lie near the target"]);
+    check_refused(&["register", &path("a.ply"), &path("a.ply"), "--leaf", "0"], &["leaf_m"]);
+}

@@ -58,6 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             score: 0.8,
             points: surface(center, sides, frame),
             color: None,
+            track: None,
         };
         let mut evidence: Vec<ObjectEvidence> = things
             .iter()

@@ -25,6 +25,7 @@ pub(crate) struct View<'a> {
     pub caption: &'a str,
     pub score: f32,
     pub color: Option<[u8; 3]>,
+    pub track: Option<u64>,
     pub evidence_points: &'a [Point3<f32>],
     pub sample: Vec<Point3<f64>>,
     pub bounds: Aabb,
@@ -62,6 +63,7 @@ impl<'a> View<'a> {
             caption: evidence.caption.trim(),
             score,
             color: evidence.color,
+            track: evidence.track,
             evidence_points: &evidence.points,
             sample,
             bounds,
@@ -87,11 +89,22 @@ struct Fit {
     size_ratio: f64,
     /// Whether the frame may have drifted noticeably since the object was seen.
     is_stale: bool,
+    /// Whether the view carries the video number that was last this object's.
+    is_tracked: bool,
+}
+
+/// The object that a view shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Match {
+    pub object: ObjectId,
+    /// Without the video number it would not have been a match.
+    pub is_by_track: bool,
 }
 
 /// For each view the object it shows, `None` for a new one. Greedy by fit: deterministic, and as good as an optimal
 /// assignment where gates are narrow.
-pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<ObjectId>> {
+pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<Match>> {
+    let owners: Vec<Option<ObjectId>> = views.iter().map(|view| owner_of_track(graph, view, config)).collect();
     let mut fits: Vec<(f64, ObjectId, usize, Fit)> = Vec::new();
     for object in graph.objects() {
         let Some(memory) = graph.memory.get(&object.id) else {
@@ -101,9 +114,11 @@ pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &Association
             if view.bounds.gap_m(&object.bounds) > 0.4 {
                 continue;
             }
-            let fit = fit(view, object, memory, config);
-            if is_same_thing(&fit, config) {
-                let score = 0.5 * fit.overlap + 0.3 * fit.closeness + 0.2 * fit.likeness;
+            let fit = Fit { is_tracked: owners[at] == Some(object.id), ..fit(view, object, memory, config) };
+            if is_same_thing(&fit, config) || is_same_by_track(&fit, config) {
+                // The number breaks ties between neighbours; it weighs less than any of the others.
+                let tracked = 0.1 * f64::from(u8::from(fit.is_tracked));
+                let score = 0.5 * fit.overlap + 0.3 * fit.closeness + 0.2 * fit.likeness + tracked;
                 fits.push((score, object.id, at, fit));
             }
         }
@@ -112,15 +127,25 @@ pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &Association
 
     let mut object_of = vec![None; views.len()];
     let mut taken: Vec<ObjectId> = Vec::new();
-    for (_, id, at, fit) in fits {
+    for (_, object, at, fit) in fits {
         // A segmenter may cut a thing in two: the second piece joins only if it lies on the thing as known before.
-        let is_piece = fit.overlap >= 0.5 && fit.likeness >= SAME;
-        if object_of[at].is_none() && (!taken.contains(&id) || is_piece) {
-            object_of[at] = Some(id);
-            taken.push(id);
+        let is_piece = fit.overlap >= 0.5 && (fit.likeness >= SAME || fit.is_tracked);
+        if object_of[at].is_none() && (!taken.contains(&object) || is_piece) {
+            object_of[at] = Some(Match { object, is_by_track: !is_same_thing(&fit, config) });
+            taken.push(object);
         }
     }
     object_of
+}
+
+/// The object that last had the view's video number, if that is not too long ago; of several the one with the smaller id.
+fn owner_of_track(graph: &SceneGraph, view: &View, config: &AssociationConfig) -> Option<ObjectId> {
+    let track = view.track?;
+    let last_ns = |memory: &ObjectMemory| memory.tracks.get(&track).copied();
+    let seen = graph.memory.iter().filter_map(|(id, memory)| Some((last_ns(memory)?, *id)));
+    let (last_ns, id) = seen.min_by_key(|(last_ns, id)| (std::cmp::Reverse(*last_ns), *id))?;
+    let age_s = (view.stamp_ns - last_ns) as f64 * 1e-9;
+    (age_s < config.track_s).then_some(id)
 }
 
 fn is_same_thing(fit: &Fit, config: &AssociationConfig) -> bool {
@@ -137,6 +162,13 @@ fn is_same_thing(fit: &Fit, config: &AssociationConfig) -> bool {
     on_it || in_its_place
 }
 
+/// The number of the video says it, and the place does not speak against it. The book on a table may have got the
+/// table's number by a switch, so a view that is called otherwise must not be much smaller.
+fn is_same_by_track(fit: &Fit, config: &AssociationConfig) -> bool {
+    let lies_on_it = fit.overlap >= config.track_overlap && fit.size_ratio >= 0.3;
+    fit.is_tracked && (lies_on_it || (fit.likeness >= LIKE && fit.closeness > 0.0))
+}
+
 fn fit(view: &View, object: &Object, memory: &ObjectMemory, config: &AssociationConfig) -> Fit {
     let age_s = (view.stamp_ns - object.last_seen_ns).max(0) as f64 * 1e-9;
     let half_side = |bounds: &Aabb| bounds.sides_m().x.max(bounds.sides_m().y) / 2.0;
@@ -150,6 +182,7 @@ fn fit(view: &View, object: &Object, memory: &ObjectMemory, config: &Association
         likeness: likeness(&view.labels, object),
         size_ratio: (a.min(b) + 0.02) / (a.max(b) + 0.02),
         is_stale: age_s > 10.0,
+        is_tracked: false,
     }
 }
 

@@ -30,6 +30,7 @@
 //!     score: 0.9,
 //!     points: (0..30).map(|i| Point3::new(1.0 + 0.01 * (i % 10) as f32, 2.0, 0.8 + 0.03 * (i / 10) as f32)).collect(),
 //!     color: None,
+//!     track: None,
 //! };
 //! let mut graph = SceneGraph::new();
 //! for (t, label) in ["mug", "vase", "mug"].into_iter().enumerate() {

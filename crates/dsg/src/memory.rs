@@ -25,6 +25,8 @@ const FRESH_S: f64 = 8.0;
 const TRIM: f64 = 0.015;
 /// Labels whose captions are kept.
 const MAX_CAPTIONS: usize = 8;
+/// Video numbers that are kept: only the last seconds count.
+const MAX_TRACKS: usize = 4;
 
 /// How far the map frame may have moved under an object that was last seen `age_s` ago. 0.5 % of the path and 0.5 degrees
 /// per 10 m at walking speed make 0.2 to 0.3 m in 40 s; beyond that the odometry is assumed to have been corrected.
@@ -49,6 +51,8 @@ pub struct ObjectMemory {
     /// Looks at its place since it was last seen, and those that went through it.
     pub(crate) looks: u32,
     pub(crate) looks_through: u32,
+    /// Video numbers under which it was seen, and when last.
+    pub(crate) tracks: BTreeMap<u64, i64>,
 }
 
 /// One voxel of an object.
@@ -72,6 +76,7 @@ impl Default for ObjectMemory {
             apart: BTreeMap::new(),
             looks: 0,
             looks_through: 0,
+            tracks: BTreeMap::new(),
         }
     }
 }
@@ -106,6 +111,17 @@ impl ObjectMemory {
             memory.remember_color(color);
         }
         memory
+    }
+
+    /// It was seen under a video number; of too many the oldest is forgotten.
+    pub(crate) fn remember_track(&mut self, track: u64, stamp_ns: i64) {
+        let last_ns = self.tracks.entry(track).or_insert(stamp_ns);
+        *last_ns = stamp_ns.max(*last_ns);
+        while self.tracks.len() > MAX_TRACKS {
+            let oldest =
+                self.tracks.iter().min_by_key(|(track, last_ns)| (**last_ns, **track)).map(|(track, _)| *track);
+            oldest.and_then(|track| self.tracks.remove(&track));
+        }
     }
 
     /// Takes in the points of one frame.
@@ -181,6 +197,9 @@ impl ObjectMemory {
         self.color_count += other.color_count;
         for (id, count) in other.apart {
             *self.apart.entry(id).or_insert(0) += count;
+        }
+        for (track, last_ns) in other.tracks {
+            self.remember_track(track, last_ns);
         }
         self.looks = 0;
         self.looks_through = 0;

@@ -23,6 +23,11 @@ pub trait Reasoner {
 
     /// A short name for logs.
     fn name(&self) -> &str;
+
+    /// What went wrong during the last decision, as a sentence for people; a reasoner that asks nobody has nothing to say.
+    fn take_trouble(&mut self) -> Option<String> {
+        None
+    }
 }
 
 /// An action with its reasons.

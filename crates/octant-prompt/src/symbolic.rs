@@ -13,6 +13,7 @@ use crate::candidates::{Candidates, Choice, candidates, is_well_inside};
 use crate::critic::Critique;
 use crate::grounding::GroundingConfig;
 use crate::instruction::{Step, StepKind};
+use crate::names::NameTable;
 use crate::octant::octant_of;
 use crate::prompt::Prompt;
 use crate::reasoner::{Reasoner, ReasonerError, ReasoningStep, Reply, TraceStep};
@@ -30,10 +31,10 @@ impl Reasoner for SymbolicReasoner {
     fn decide(
         &mut self,
         situation: &Situation,
-        _prompt: &Prompt,
+        prompt: &Prompt,
         _critiques: &[Critique],
     ) -> Result<Reply, ReasonerError> {
-        self.reply(situation)
+        self.reply_with(situation, &prompt.names)
     }
 
     fn name(&self) -> &str {
@@ -47,6 +48,11 @@ impl SymbolicReasoner {
     /// # Errors
     /// [`ReasonerError::NoSuchStep`] when all steps are done.
     pub fn reply(&self, situation: &Situation) -> Result<Reply, ReasonerError> {
+        self.reply_with(situation, &NameTable::default())
+    }
+
+    /// The same, saying the names of a prompt instead of ids.
+    fn reply_with(&self, situation: &Situation, names: &NameTable) -> Result<Reply, ReasonerError> {
         let step = situation.step().ok_or(ReasonerError::NoSuchStep(situation.step_index))?;
         let known = candidates(situation, &self.grounding);
         let action = match known.chosen {
@@ -56,7 +62,7 @@ impl SymbolicReasoner {
                 None => Action::GiveUp { reason: reason_to_give_up(step, &known) },
             },
         };
-        let trace = trace(situation, step, &known, &action);
+        let trace = trace(situation, step, &known, &action.text(names), &action);
         let confidence = match (known.chosen, &action) {
             (Some(choice), _) => choice.confidence,
             (None, Action::GiveUp { .. }) => 0.5,
@@ -65,7 +71,7 @@ impl SymbolicReasoner {
         let text = trace
             .iter()
             .map(|line| format!("{}: {} -> {}\n", line.step.word(), line.input, line.output))
-            .chain([action.to_string()])
+            .chain([action.text(names)])
             .collect();
         Ok(Reply { action, trace, confidence, text, answer_tokens: None })
     }
@@ -131,11 +137,12 @@ fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
     }
 }
 
-fn trace(situation: &Situation, step: &Step, known: &Candidates, action: &Action) -> Vec<TraceStep> {
+/// The four steps in words; `named` is the action with the names of the prompt.
+fn trace(situation: &Situation, step: &Step, known: &Candidates, named: &str, action: &Action) -> Vec<TraceStep> {
     let line = |step: ReasoningStep, input: String, output: String| TraceStep { step, input, output };
     vec![
         line(ReasoningStep::RoomFiltering, format!("rooms for \"{}\"", step.goal), rooms_line(situation, known)),
-        line(ReasoningStep::Orientation, format!("direction of {action}"), orientation_line(situation, known, action)),
+        line(ReasoningStep::Orientation, format!("direction of {named}"), orientation_line(situation, known, action)),
         line(
             ReasoningStep::FunctionalGroup,
             format!(
@@ -147,7 +154,7 @@ fn trace(situation: &Situation, step: &Step, known: &Candidates, action: &Action
         line(
             ReasoningStep::Localisation,
             format!("\"{}\" among {} objects", step.goal, known.scene.things.len()),
-            localisation_line(situation, known, action),
+            localisation_line(situation, known, named),
         ),
     ]
 }
@@ -201,7 +208,7 @@ fn group_line(situation: &Situation, step: &Step, known: &Candidates) -> String 
     }
 }
 
-fn localisation_line(situation: &Situation, known: &Candidates, action: &Action) -> String {
+fn localisation_line(situation: &Situation, known: &Candidates, named: &str) -> String {
     let list: Vec<String> = known
         .objects
         .iter()
@@ -219,5 +226,5 @@ fn localisation_line(situation: &Situation, known: &Candidates, action: &Action)
     let list = if list.is_empty() { "no candidate".to_string() } else { list.join(", ") };
     let guess =
         if known.chosen.is_some_and(|choice| choice.is_guess) { "; nothing left to search, best guess" } else { "" };
-    format!("{list}{guess} => {action}")
+    format!("{list}{guess} => {named}")
 }

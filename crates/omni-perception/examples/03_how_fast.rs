@@ -7,6 +7,7 @@ mod support;
 
 use std::time::{Duration, Instant};
 
+use nalgebra::{Isometry3, Vector3};
 use omni_perception::*;
 use support::{Moment, Noise, Scene, TURNING_RADPS, encoder, mount, scan, trajectory};
 
@@ -40,6 +41,34 @@ fn main() {
     );
     println!("  of that projection and range buffer: {:.1} ms", projecting.as_secs_f64() * 1e3);
     assert_eq!(observe(&panorama).objects.len(), panorama.masks.len());
+
+    // 3. Two fisheyes of 1024 x 1024 pixels and 190 degrees to one panorama of 1920 x 640.
+    let (lenses, images) = two_fisheyes();
+    let stitcher = Stitcher::new(&lenses, &StitchConfig::default()).expect("sound");
+    let gains = stitcher.gains(&images).expect("fits");
+    let mut panorama = RgbImage { width: 0, height: 0, rgb: Vec::new() };
+    let stitching = best(|| stitcher.stitch_into(&images, &gains, &mut panorama).expect("fits"));
+    let measuring = best(|| assert_eq!(stitcher.gains(&images).expect("fits").len(), 2));
+    let (stitching, measuring) = (stitching.as_secs_f64() * 1e3, measuring.as_secs_f64() * 1e3);
+    println!("stitching of 1920 x 640 pixels: {stitching:.1} ms; gains of the lenses: {measuring:.1} ms");
+}
+
+/// Back to back, each with a chequered picture.
+fn two_fisheyes() -> ([Lens; 2], [RgbImage; 2]) {
+    let intrinsics =
+        Intrinsics { width_px: 1024, height_px: 1024, fx_px: 305.0, fy_px: 305.0, cx_px: 511.5, cy_px: 511.5 };
+    let lens = camera::KannalaBrandt::new(intrinsics, [0.004, -0.002, 0.0005, -0.0001], 95_f64.to_radians());
+    let lens = Camera::KannalaBrandt(lens.expect("sound"));
+    let lenses = [1.0, -1.0].map(|side| Lens {
+        camera: lens.clone(),
+        panorama_from_lens: Isometry3::new(
+            Vector3::y() * 0.015 * side,
+            Vector3::z() * std::f64::consts::FRAC_PI_2 * side,
+        ),
+    });
+    let field = |i: u32| ((i / 48 + i / 3072 / 16) % 2 * 150 + i % 50) as u8;
+    let image = || RgbImage { width: 1024, height: 1024, rgb: (0..3 << 20).map(field).collect() };
+    (lenses, [image(), image()])
 }
 
 /// The counter moves in steps of some milliseconds, so each measurement repeats the work for a while.

@@ -98,6 +98,23 @@ impl EncoderTrack {
         self.samples.drain(..after.saturating_sub(1));
     }
 
+    /// Time of the last reading; `None` without one.
+    pub fn last(&self) -> Option<Stamp> {
+        Some(self.samples.last()?.stamp)
+    }
+
+    /// The angle at `stamp`, continued at the last rate for at most `limit_s` beyond the last reading.
+    pub fn extrapolated_angle_rad(&self, stamp: Stamp, limit_s: f64) -> Option<f64> {
+        match self.samples[..] {
+            [.., before, last] if self.fixed_angle_rad.is_none() && stamp > last.stamp => {
+                let beyond_s = stamp.seconds_since(last.stamp);
+                let rate_radps = (last.angle_rad - before.angle_rad) / last.stamp.seconds_since(before.stamp);
+                (beyond_s <= limit_s).then_some(last.angle_rad + rate_radps * beyond_s)
+            }
+            _ => self.angle_rad(stamp),
+        }
+    }
+
     /// The unwrapped angle at `stamp`, linear between readings; `None` outside them.
     pub fn angle_rad(&self, stamp: Stamp) -> Option<f64> {
         if self.fixed_angle_rad.is_some() {

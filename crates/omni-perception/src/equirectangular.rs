@@ -56,6 +56,16 @@ pub enum CameraError {
         /// Upper edge given.
         phi_top_rad: f64,
     },
+    /// A number of a lens is out of its range.
+    #[error("{name} = {value}: must be {accepts}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// The range in words.
+        accepts: &'static str,
+    },
 }
 
 impl Default for Equirectangular {

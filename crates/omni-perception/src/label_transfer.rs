@@ -12,10 +12,12 @@ use nalgebra::Point3;
 use thiserror::Error;
 
 use crate::equirectangular::CameraError;
+use crate::fast_projection::View;
 use crate::mask_group::group_masks;
 use crate::mask_index::{Erosion, MaskIndex};
+use crate::mask_outline::Outline;
 use crate::near_mode::{Apparent, NearMode, near_mode};
-use crate::range_buffer::{CellGrid, RangeBuffer, Tolerance};
+use crate::range_buffer::{RangeBuffer, Tolerance};
 use crate::{Equirectangular, Mask};
 
 /// Parameters of [`transfer_labels`].
@@ -150,7 +152,7 @@ pub struct LabelTransfer {
 /// Labels points of the camera frame (at image time) with masks. About 50 ns a point.
 ///
 /// Give all points of the scans within about half a second of the image, not only those on things: the others say
-/// what hides what. Where masks overlap the smaller one counts.
+/// what hides what. Where masks overlap, one inside another is on top of it, else the one with the higher score.
 ///
 /// # Errors
 /// [`LabelError`] for an unsound camera or configuration. Points that are not finite and masks of the wrong size are
@@ -161,13 +163,30 @@ pub fn transfer_labels(
     masks: &[Mask],
     config: &LabelConfig,
 ) -> Result<LabelTransfer, LabelError> {
+    transfer_labels_seen(points_in_camera, &View::Camera, camera, masks, config)
+}
+
+/// [`transfer_labels`] for points of any frame.
+pub(crate) fn transfer_labels_seen(
+    points: &[Point3<f32>],
+    view: &View,
+    camera: &Equirectangular,
+    masks: &[Mask],
+    config: &LabelConfig,
+) -> Result<LabelTransfer, LabelError> {
     camera.validate()?;
     config.validate()?;
     let erosion = Erosion { radius_px: config.erosion_px, min_kept_share: config.min_kept_share };
-    let index = MaskIndex::new(masks, camera.width_px, camera.height_px, &erosion);
-    let mut grid = CellGrid::new(camera, config.cell_px);
-    index.spans().for_each(|span| grid.mark(&span));
-    let filled = RangeBuffer::fill(points_in_camera, camera, grid);
+    // A mask of another size is not expanded into columns: it may be of any size.
+    let outlines: Vec<Outline> = masks
+        .iter()
+        .map(|mask| match (mask.rle.width(), mask.rle.height()) == (camera.width_px, camera.height_px) {
+            true => Outline::new(&mask.rle),
+            false => Outline::default(),
+        })
+        .collect();
+    let index = MaskIndex::new(masks, &outlines, camera.width_px, camera.height_px, &erosion);
+    let filled = RangeBuffer::fill(points, view, camera, config.cell_px, &index);
     let mut report = LabelReport {
         non_finite: filled.non_finite,
         outside_image: filled.outside_image,
@@ -176,15 +195,13 @@ pub fn transfer_labels(
     };
 
     // The members of each thing, and the mask of each member.
-    let thing_of_mask = group_masks(masks, camera.width_px, config.same_thing_iou);
+    let thing_of_mask = group_masks(masks, &outlines, camera.width_px, config.same_thing_iou);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
-    let mut mask_of_point: Vec<Option<u16>> = vec![None; points_in_camera.len()];
+    let mut mask_of_point: Vec<Option<u16>> = vec![None; points.len()];
     let tolerance =
         Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
     for candidate in &filled.candidates {
-        let Some(mask) = index.mask_at(candidate.u as u32, candidate.v as u32) else {
-            continue;
-        };
+        let mask = candidate.mask;
         if filled.buffer.is_visible(candidate, &tolerance) {
             mask_of_point[candidate.point as usize] = Some(mask);
             members[usize::from(thing_of_mask[usize::from(mask)])].push(candidate.point);
@@ -202,13 +219,14 @@ pub fn transfer_labels(
         min_depth_m: config.min_depth_m,
     };
     for (thing, members) in members.iter().enumerate().filter(|(_, members)| !members.is_empty()) {
-        let (area_px, px) = (masks[thing].rle.area() as f32, camera.row_angle_rad() as f32);
+        let (area_px, px) = (outlines[thing].area_px as f32, camera.row_angle_rad() as f32);
         let apparent =
             Apparent { size_rad: 1.5 * px * area_px.sqrt(), spacing_rad: px * (area_px / members.len() as f32).sqrt() };
-        let kept = near_mode(points_in_camera, members, &apparent, &near);
-        let mut kept = kept.into_iter().peekable();
-        for &member in members {
-            if kept.next_if_eq(&member).is_some() {
+        let positions: Vec<Point3<f32>> =
+            members.iter().map(|&member| view.in_camera(&points[member as usize])).collect();
+        let is_kept = near_mode(&positions, &apparent, &near);
+        for (&member, is_kept) in members.iter().zip(is_kept) {
+            if is_kept {
                 report.labelled += 1;
             } else {
                 mask_of_point[member as usize] = None;
@@ -217,7 +235,7 @@ pub fn transfer_labels(
         }
     }
     let LabelReport { non_finite, outside_image, hidden, behind, labelled, .. } = report;
-    report.unmasked = points_in_camera.len() - non_finite - outside_image - hidden - behind - labelled;
+    report.unmasked = points.len() - non_finite - outside_image - hidden - behind - labelled;
     Ok(LabelTransfer { mask_of_point, thing_of_mask, report })
 }
 
@@ -250,7 +268,7 @@ mod tests {
             });
         }
         let rle = Rle::from_counts(1920, 640, &counts).expect("fills the image");
-        Mask { rle, label: "box".into(), score: 0.9, caption: String::new() }
+        Mask::new(rle, "box", 0.9)
     }
 
     /// A square patch at `range_m` around a pixel, one point a pixel.

@@ -13,6 +13,16 @@ pub struct Mask {
     pub score: f32,
     /// A sentence about it (may be empty).
     pub caption: String,
+    /// The object's number in the video (SAM2's object id), if the segmenter tracks. It is a hint and no identity:
+    /// trackers lose things, take them up again under a new number, and confuse neighbours.
+    pub track: Option<u64>,
+}
+
+impl Mask {
+    /// A mask of a picture that is no part of a video, without a caption.
+    pub fn new(rle: Rle, label: impl Into<String>, score: f32) -> Mask {
+        Mask { rle, label: label.into(), score, caption: String::new(), track: None }
+    }
 }
 
 /// Colour pixels, row by row, three bytes each.

@@ -1,14 +1,13 @@
 //! Masks that show the same thing: two names for the same pixels, or one thing cut in two by the seam.
 
-use crate::{Mask, Span};
+use crate::Mask;
+use crate::mask_outline::Outline;
 
 /// For each mask the smallest index of a mask that shows the same thing.
 ///
 /// Masks of one thing overlap by at least `same_thing_iou`, or carry the same label, touch the seam from both sides
-/// and share a row there.
-pub(crate) fn group_masks(masks: &[Mask], width: u32, same_thing_iou: f64) -> Vec<u16> {
-    let spans: Vec<Vec<Span>> = masks.iter().map(|mask| mask.rle.spans().collect()).collect();
-    let areas: Vec<u64> = masks.iter().map(|mask| mask.rle.area()).collect();
+/// and share a row there. Video numbers do not count here: two things under one number are still two things.
+pub(crate) fn group_masks(masks: &[Mask], outlines: &[Outline], width: u32, same_thing_iou: f64) -> Vec<u16> {
     let mut group: Vec<usize> = (0..masks.len()).collect();
     for second in 0..masks.len() {
         for first in 0..second {
@@ -16,8 +15,9 @@ pub(crate) fn group_masks(masks: &[Mask], width: u32, same_thing_iou: f64) -> Ve
             if !fits || group[first] == group[second] {
                 continue;
             }
-            let is_same = is_split_by_seam(&masks[first], &spans[first], &masks[second], &spans[second])
-                || iou_reaches(&spans[first], areas[first], &spans[second], areas[second], same_thing_iou);
+            let (a, b) = (&outlines[first], &outlines[second]);
+            let is_same = (masks[first].label == masks[second].label && is_split_by_seam(a, b, width))
+                || iou_reaches(a, b, same_thing_iou);
             if is_same {
                 let (low, high) = (group[first].min(group[second]), group[first].max(group[second]));
                 group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
@@ -27,34 +27,21 @@ pub(crate) fn group_masks(masks: &[Mask], width: u32, same_thing_iou: f64) -> Ve
     group.into_iter().map(|g| g.min(usize::from(u16::MAX)) as u16).collect()
 }
 
-fn iou_reaches(a: &[Span], area_a: u64, b: &[Span], area_b: u64, limit: f64) -> bool {
-    let (small, large) = (area_a.min(area_b) as f64, area_a.max(area_b) as f64);
+fn iou_reaches(a: &Outline, b: &Outline, limit: f64) -> bool {
+    let (small, large) = (a.area_px.min(b.area_px) as f64, a.area_px.max(b.area_px) as f64);
     if small == 0.0 || small < limit * large {
         return false;
     }
-    let mut shared = 0;
-    let (mut i, mut j) = (0, 0);
-    while i < a.len() && j < b.len() {
-        if a[i].column == b[j].column {
-            shared += u64::from(a[i].bottom.min(b[j].bottom).saturating_sub(a[i].top.max(b[j].top)));
-        }
-        if (a[i].column, a[i].bottom) < (b[j].column, b[j].bottom) { i += 1 } else { j += 1 }
-    }
-    shared as f64 >= limit * (area_a + area_b - shared) as f64 && shared > 0
+    let shared = a.shared_px(b);
+    shared as f64 >= limit * (a.area_px + b.area_px - shared) as f64 && shared > 0
 }
 
-fn is_split_by_seam(a: &Mask, spans_a: &[Span], b: &Mask, spans_b: &[Span]) -> bool {
-    if a.label != b.label {
-        return false;
-    }
-    let last_column = a.rle.width() - 1;
-    let at = |spans: &[Span], column: u32| -> Vec<Span> {
-        spans.iter().filter(|span| span.column == column).copied().collect()
+fn is_split_by_seam(a: &Outline, b: &Outline, width: u32) -> bool {
+    let meets = |left: &Outline, right: &Outline| {
+        let (first, last) = (left.in_column(0), right.in_column(width - 1));
+        first.iter().any(|x| last.iter().any(|y| x.top < y.bottom && y.top < x.bottom))
     };
-    let meets = |left: Vec<Span>, right: Vec<Span>| {
-        left.iter().any(|x| right.iter().any(|y| x.top < y.bottom && y.top < x.bottom))
-    };
-    meets(at(spans_a, 0), at(spans_b, last_column)) || meets(at(spans_b, 0), at(spans_a, last_column))
+    meets(a, b) || meets(b, a)
 }
 
 #[cfg(test)]
@@ -65,7 +52,12 @@ mod tests {
     fn mask(label: &str, is_set: impl Fn(u32, u32) -> bool) -> Mask {
         let rows: Vec<bool> = (0..200).map(|i| is_set(i % 20, i / 20)).collect();
         let rle = Rle::from_rows(20, 10, &rows).expect("200 pixels");
-        Mask { rle, label: label.into(), score: 0.5, caption: String::new() }
+        Mask::new(rle, label, 0.5)
+    }
+
+    fn groups(masks: &[Mask]) -> Vec<u16> {
+        let outlines: Vec<Outline> = masks.iter().map(|mask| Outline::new(&mask.rle)).collect();
+        group_masks(masks, &outlines, 20, 0.5)
     }
 
     #[test]
@@ -77,7 +69,7 @@ mod tests {
             mask("sofa", |u, v| u > 17 && (2..6).contains(&v)),
             mask("lamp", |u, v| u > 17 && v > 7),
         ];
-        assert_eq!(group_masks(&masks, 20, 0.5), [0, 1, 1, 0, 4]);
-        assert_eq!(group_masks(&[], 20, 0.5), [0_u16; 0]);
+        assert_eq!(groups(&masks), [0, 1, 1, 0, 4]);
+        assert_eq!(groups(&[]), [0_u16; 0]);
     }
 }

@@ -4,8 +4,9 @@
 use nalgebra::{Isometry3, Point3};
 use rustc_hash::FxHashSet;
 
-use crate::label_transfer::{LabelConfig, LabelError, LabelReport, transfer_labels};
-use crate::near_mode::quantile;
+use crate::fast_projection::View;
+use crate::label_transfer::{LabelConfig, LabelError, LabelReport, transfer_labels_seen};
+use crate::near_mode::{floor, quantile};
 use crate::vote::frame_histogram;
 use crate::{Equirectangular, Mask, MaskedPanorama, Stamp};
 
@@ -73,6 +74,8 @@ pub struct ObjectObservation {
     pub color_rgb: Option<[u8; 3]>,
     /// Whether it reaches the upper or lower edge of the image: then it is larger than it looks.
     pub touches_image_border: bool,
+    /// Number of the thing in the segmenter's video: that of its best mask which has one. A hint, see [`Mask::track`].
+    pub track: Option<u64>,
 }
 
 /// Result of [`observe_panorama`].
@@ -102,8 +105,8 @@ pub fn observe_panorama(
 ) -> Result<Observations, LabelError> {
     config.validate()?;
     let masks = &panorama.masks;
-    let points_in_camera = to_camera(points_in_world, world_from_camera);
-    let transfer = transfer_labels(&points_in_camera, camera, masks, &config.labels)?;
+    let view = View::from_world(world_from_camera);
+    let transfer = transfer_labels_seen(points_in_world, &view, camera, masks, &config.labels)?;
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
     for (point, mask) in transfer.mask_of_point.iter().enumerate() {
         if let Some(mask) = mask {
@@ -117,7 +120,9 @@ pub fn observe_panorama(
         }
         let is_of_thing = |mask: &usize| usize::from(transfer.thing_of_mask[*mask]) == thing;
         let names: Vec<&Mask> = (0..masks.len()).filter(is_of_thing).map(|mask| &masks[mask]).collect();
-        let ranges = members.iter().map(|&member| points_in_camera[member as usize].coords.norm()).collect();
+        let in_camera: Vec<Point3<f32>> =
+            members.iter().map(|&member| view.in_camera(&points_in_world[member as usize])).collect();
+        let ranges = in_camera.iter().map(|point| point.coords.norm()).collect();
         let range_m = f64::from(quantile(ranges, 0.5));
         let (label_weights, best) = frame_histogram(&names);
         objects.push(ObjectObservation {
@@ -128,8 +133,9 @@ pub fn observe_panorama(
             weight: frame_weight(best.score, range_m, config),
             points_in_world: thin(points_in_world, members, config),
             range_m,
-            color_rgb: median_color(panorama, &points_in_camera, members, camera),
+            color_rgb: median_color(panorama, &in_camera, camera),
             touches_image_border: names.iter().any(|mask| touches_border(mask)),
+            track: track_of(&names),
         });
     }
     Ok(Observations { objects, mask_of_point: transfer.mask_of_point, report: transfer.report })
@@ -145,13 +151,6 @@ pub fn observe_objects(
 ) -> Vec<ObjectObservation> {
     observe_panorama(panorama, points_in_world, world_from_camera, camera, config)
         .map_or_else(|_| Vec::new(), |observations| observations.objects)
-}
-
-fn to_camera(points_in_world: &[Point3<f32>], world_from_camera: &Isometry3<f64>) -> Vec<Point3<f32>> {
-    // The camera's position is taken off first, so that single precision suffices far from the world's origin.
-    let camera_in_world = world_from_camera.translation.vector.cast::<f32>();
-    let camera_from_world = world_from_camera.rotation.inverse().to_rotation_matrix().into_inner().cast::<f32>();
-    points_in_world.iter().map(|p| Point3::from(camera_from_world * (p.coords - camera_in_world))).collect()
 }
 
 /// Score times the inverse variance of the position, which grows with the square of the range.
@@ -170,15 +169,13 @@ fn thin(points: &[Point3<f32>], members: &[u32], config: &ObservationConfig) -> 
     if members.len() <= config.thin_above {
         return all.collect();
     }
-    let mut taken = FxHashSet::default();
-    let cell = |p: &Point3<f32>| [p.x, p.y, p.z].map(|x| (x / config.thin_m).floor() as i32);
-    all.filter(|p| taken.insert(cell(p))).collect()
+    let mut taken = FxHashSet::with_capacity_and_hasher(members.len() / 2, Default::default());
+    all.filter(|p| taken.insert([p.x, p.y, p.z].map(|x| floor(x / config.thin_m)))).collect()
 }
 
 fn median_color(
     panorama: &MaskedPanorama,
     points_in_camera: &[Point3<f32>],
-    members: &[u32],
     camera: &Equirectangular,
 ) -> Option<[u8; 3]> {
     let image = panorama.image.as_ref()?;
@@ -186,10 +183,10 @@ fn median_color(
         return None;
     }
     // A few hundred pixels tell the colour.
-    let stride = members.len().div_ceil(400).max(1);
+    let stride = points_in_camera.len().div_ceil(400).max(1);
     let mut channels: [Vec<u8>; 3] = Default::default();
-    for &member in members.iter().step_by(stride) {
-        let pixel = camera.project(&points_in_camera[member as usize].cast::<f64>());
+    for point in points_in_camera.iter().step_by(stride) {
+        let pixel = camera.project(&point.cast::<f64>());
         let color = pixel.and_then(|pixel| image.at(pixel.u as u32, pixel.v as u32));
         for (channel, value) in channels.iter_mut().zip(color.into_iter().flatten()) {
             channel.push(value);
@@ -202,6 +199,12 @@ fn median_color(
         let middle = channel.len() / 2;
         *channel.select_nth_unstable(middle).1
     }))
+}
+
+/// The video number of the mask with the highest score among those that have one; of equal scores the first.
+fn track_of(masks: &[&Mask]) -> Option<u64> {
+    let numbered = masks.iter().filter_map(|mask| Some((sound_score(mask.score), mask.track?)));
+    numbered.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, track)| track)
 }
 
 fn touches_border(mask: &Mask) -> bool {

@@ -6,8 +6,9 @@
 
 use nalgebra::Point3;
 
-use crate::fast_projection::FastProjection;
-use crate::{Equirectangular, Span};
+use crate::Equirectangular;
+use crate::fast_projection::{BLOCK, FastProjection, PixelBlock, View};
+use crate::mask_index::{MAX_MASKS, MaskIndex};
 
 /// Nearest points by cell, with wrap at the seam. Only cells near a mask are kept: nothing else is asked for.
 #[derive(Debug, Clone)]
@@ -15,10 +16,13 @@ pub(crate) struct RangeBuffer {
     grid: CellGrid,
     width: f32,
     rad_per_px: f32,
-    cells: Vec<Nearest>,
+    /// Range of the nearest point of each cell; infinite without one.
+    range_m: Vec<f32>,
+    /// Where in the image it lies.
+    at: Vec<(f32, f32)>,
 }
 
-/// A point near a mask.
+/// A point whose pixel shows a mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
     pub(crate) u: f32,
@@ -26,13 +30,7 @@ pub(crate) struct Candidate {
     pub(crate) range_m: f32,
     /// Index of the point.
     pub(crate) point: u32,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Nearest {
-    u: f32,
-    v: f32,
-    range_m: f32,
+    pub(crate) mask: u16,
 }
 
 /// When a nearer point does not hide a farther one.
@@ -46,52 +44,120 @@ pub(crate) struct Tolerance {
     pub(crate) slope: f32,
 }
 
-/// The cells of an image, and which of them are near a mask.
+/// The cells of an image, and what each shows: the mask that fills it, or one of the notes below.
 #[derive(Debug, Clone)]
 pub(crate) struct CellGrid {
     columns: usize,
     rows: usize,
     cells_per_px: f32,
-    is_near_mask: Vec<bool>,
+    shows: Vec<u16>,
+    /// One bit a cell: whether it shows anything but [`FAR`]. Most points end here, and 40 kB stay in the first cache.
+    is_near: Vec<u64>,
 }
 
+/// No mask in this cell or its neighbours.
+const FAR: u16 = u16::MAX;
+/// No mask, but one in a neighbouring cell.
+const NEAR: u16 = u16::MAX - 1;
+/// A mask in a part of the cell, or several: the pixel decides.
+const MIXED: u16 = u16::MAX - 2;
+const _: () = assert!(MAX_MASKS <= MIXED as usize);
+
 impl CellGrid {
-    pub(crate) fn new(camera: &Equirectangular, cell_px: u32) -> CellGrid {
+    pub(crate) fn new(camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> CellGrid {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let is_near_mask = vec![false; columns * rows];
-        CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, is_near_mask }
+        let shows = vec![FAR; columns * rows];
+        let mut grid = CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows, is_near: Vec::new() };
+        grid.paint(camera, cell_px, masks);
+        grid.mark_neighbours();
+        let bits = |cells: &[u16]| cells.iter().rev().fold(0, |bits, cell| bits << 1 | u64::from(*cell != FAR));
+        grid.is_near = grid.shows.chunks(64).map(bits).collect();
+        grid
     }
 
-    /// Marks the cells of a span and all around them.
-    pub(crate) fn mark(&mut self, span: &Span) {
-        let (column, top) = self.cell_of(span.column as f32, span.top as f32);
-        let (_, bottom) = self.cell_of(span.column as f32, (span.bottom - 1) as f32);
-        let rows = top.saturating_sub(1)..=(bottom + 1).min(self.rows - 1);
-        for column in self.with_neighbours(column) {
-            for row in rows.clone() {
-                self.is_near_mask[row * self.columns + column] = true;
+    /// Fills cells with their mask, or [`MIXED`].
+    fn paint(&mut self, camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) {
+        // Pixels of the one mask seen so far in each cell of the present column of cells.
+        let mut filled = vec![0_u32; self.rows];
+        let mut spans = masks.spans().peekable();
+        for column in 0..self.columns {
+            filled.fill(0);
+            let end = (column as u32 + 1) * cell_px;
+            while let Some((span, mask)) = spans.next_if(|(span, _)| span.column < end) {
+                for row in span.top / cell_px..=(span.bottom - 1) / cell_px {
+                    let part = span.bottom.min((row + 1) * cell_px) - span.top.max(row * cell_px);
+                    let cell = &mut self.shows[row as usize * self.columns + column];
+                    *cell = if *cell == FAR || *cell == mask { mask } else { MIXED };
+                    filled[row as usize] += part;
+                }
+            }
+            let width = end.min(camera.width_px) - column as u32 * cell_px;
+            for (row, filled) in filled.iter().enumerate() {
+                let height = camera.height_px.min((row as u32 + 1) * cell_px) - row as u32 * cell_px;
+                if *filled > 0 && *filled < width * height {
+                    self.shows[row * self.columns + column] = MIXED;
+                }
             }
         }
     }
 
-    fn cell_of(&self, u: f32, v: f32) -> (usize, usize) {
-        let (column, row) = ((u * self.cells_per_px) as usize, (v * self.cells_per_px) as usize);
-        (column.min(self.columns - 1), row.min(self.rows - 1))
+    /// Turns [`FAR`] into [`NEAR`] around the cells that show something; columns wrap.
+    fn mark_neighbours(&mut self) {
+        let columns = self.columns;
+        let shown: Vec<bool> = self.shows.iter().map(|cell| *cell != FAR).collect();
+        let of_row = |row: usize| shown.get(row.checked_mul(columns)?..)?.get(..columns);
+        // Which columns show something in this row of cells or the ones above and below, and with their neighbours.
+        let (mut near, mut wide) = (vec![false; columns], vec![false; columns]);
+        for row in 0..self.rows {
+            near.fill(false);
+            for other in [row.wrapping_sub(1), row, row + 1].into_iter().filter_map(of_row) {
+                near.iter_mut().zip(other).for_each(|(near, other)| *near |= other);
+            }
+            if !near.contains(&true) {
+                continue;
+            }
+            wide.copy_from_slice(&near);
+            wide[1..].iter_mut().zip(&near).for_each(|(wide, left)| *wide |= left);
+            wide.iter_mut().zip(&near[1..]).for_each(|(wide, right)| *wide |= right);
+            wide[0] |= near[columns - 1];
+            wide[columns - 1] |= near[0];
+            let cells = &mut self.shows[row * columns..(row + 1) * columns];
+            for (cell, wide) in cells.iter_mut().zip(&wide) {
+                *cell = if *wide && *cell == FAR { NEAR } else { *cell };
+            }
+        }
     }
 
-    /// The column between its neighbours; they wrap behind the camera.
-    fn with_neighbours(&self, column: usize) -> [usize; 3] {
-        let left = if column == 0 { self.columns - 1 } else { column - 1 };
-        let right = if column + 1 == self.columns { 0 } else { column + 1 };
-        [left, column, right]
+    /// The cell of a position in the image: column and row. Middles of pixels are multiplied, so that rounding moves none
+    /// into the next cell.
+    #[inline(always)]
+    fn cell_of(&self, u: f32, v: f32) -> (i32, i32) {
+        let cell = |x: f32| ((x as i32 as f32 + 0.5) * self.cells_per_px) as i32;
+        (cell(u), cell(v))
     }
+
+    /// The same for a block of pixels, as indices.
+    fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
+        let columns = self.columns as i32; // at most 32768 squared: an i32 holds all cells
+        for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
+            let (column, row) = self.cell_of(*u, *v);
+            *cell = row * columns + column;
+        }
+    }
+}
+
+/// The column between its neighbours; they wrap behind the camera.
+fn with_neighbours(column: usize, columns: usize) -> [usize; 3] {
+    let left = if column == 0 { columns - 1 } else { column - 1 };
+    let right = if column + 1 == columns { 0 } else { column + 1 };
+    [left, column, right]
 }
 
 /// Result of [`RangeBuffer::fill`].
 pub(crate) struct Filled {
     pub(crate) buffer: RangeBuffer,
-    /// The points near a mask, in their order.
+    /// The points whose pixel shows a mask, in their order.
     pub(crate) candidates: Vec<Candidate>,
     pub(crate) non_finite: usize,
     pub(crate) outside_image: usize,
@@ -99,37 +165,51 @@ pub(crate) struct Filled {
 
 impl RangeBuffer {
     /// Projects all points and keeps the nearest of each cell near a mask.
-    pub(crate) fn fill(points: &[Point3<f32>], camera: &Equirectangular, grid: CellGrid) -> Filled {
+    pub(crate) fn fill(
+        points: &[Point3<f32>],
+        view: &View,
+        camera: &Equirectangular,
+        cell_px: u32,
+        masks: &MaskIndex,
+    ) -> Filled {
+        let grid = CellGrid::new(camera, cell_px, masks);
         let projection = FastProjection::new(camera);
-        let far = Nearest { u: 0.0, v: 0.0, range_m: f32::INFINITY };
-        let mut cells = vec![far; grid.is_near_mask.len()];
-        let mut candidates = Vec::new();
+        let mut nearest_m = vec![f32::INFINITY; grid.shows.len()];
+        let mut at = vec![(0.0, 0.0); grid.shows.len()];
+        let mut candidates = Vec::with_capacity(points.len() / 4);
         let (mut non_finite, mut outside_image) = (0, 0);
-        // Blocks, so that the projection is a plain loop over an array.
-        const BLOCK: usize = 256;
-        let mut pixels = [(0.0, 0.0, 0.0); BLOCK];
+        let (mut pixels, mut cells) = (PixelBlock::default(), [0; BLOCK]);
         for (block, points) in points.chunks(BLOCK).enumerate() {
-            for (pixel, point) in pixels.iter_mut().zip(points) {
-                *pixel = projection.project(point);
-            }
-            for (index, (&(u, v, range_m), point)) in pixels.iter().zip(points).enumerate() {
+            projection.project_block(points, view, &mut pixels);
+            grid.cells_of(&pixels, &mut cells);
+            for (index, point) in points.iter().enumerate() {
+                let (u, v, range_m) = (pixels.u[index], pixels.v[index], pixels.range_m[index]);
                 if range_m == 0.0 {
                     let is_finite = point.iter().all(|x| x.is_finite());
                     *(if is_finite { &mut outside_image } else { &mut non_finite }) += 1;
                     continue;
                 }
-                let (column, row) = grid.cell_of(u, v);
-                let cell = row * grid.columns + column;
-                if grid.is_near_mask[cell] {
-                    candidates.push(Candidate { u, v, range_m, point: (block * BLOCK + index) as u32 });
-                    if range_m < cells[cell].range_m {
-                        cells[cell] = Nearest { u, v, range_m };
-                    }
+                let cell = cells[index] as usize;
+                if grid.is_near[cell / 64] >> (cell % 64) & 1 == 0 {
+                    continue;
+                }
+                let shows = grid.shows[cell];
+                if range_m < nearest_m[cell] {
+                    nearest_m[cell] = range_m;
+                    at[cell] = (u, v);
+                }
+                let mask = match shows {
+                    NEAR => None,
+                    MIXED => masks.mask_at(u as u32, v as u32),
+                    mask => Some(mask),
+                };
+                if let Some(mask) = mask {
+                    candidates.push(Candidate { u, v, range_m, point: (block * BLOCK + index) as u32, mask });
                 }
             }
         }
         let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
-        let buffer = RangeBuffer { grid, width, rad_per_px, cells };
+        let buffer = RangeBuffer { grid, width, rad_per_px, range_m: nearest_m, at };
         Filled { buffer, candidates, non_finite, outside_image }
     }
 
@@ -138,42 +218,88 @@ impl RangeBuffer {
         let step_m = tolerance.step_m.max(tolerance.step_share * point.range_m);
         let slope_per_px = tolerance.slope * self.rad_per_px;
         let (column, row) = self.grid.cell_of(point.u, point.v);
+        let (column, row) = (column as usize, row as usize);
         let (first, last) = (row.saturating_sub(1), (row + 1).min(self.grid.rows - 1));
-        let columns = self.grid.with_neighbours(column);
-        (first..=last).all(|row| {
-            columns.into_iter().all(|column| {
-                let near = &self.cells[row * self.grid.columns + column];
-                let excess_m = point.range_m - near.range_m - step_m;
+        let columns = with_neighbours(column, self.grid.columns);
+        for row in first..=last {
+            for column in columns {
+                let cell = row * self.grid.columns + column;
+                let near_m = self.range_m[cell];
+                let excess_m = point.range_m - near_m - step_m;
                 if excess_m <= 0.0 {
-                    return true;
+                    continue;
                 }
-                let across = (point.u - near.u).abs();
+                let (u, v) = self.at[cell];
+                let across = (point.u - u).abs();
                 let across = across.min(self.width - across);
-                let down = point.v - near.v;
-                let allowed_m = slope_per_px * near.range_m;
-                excess_m * excess_m <= allowed_m * allowed_m * (across * across + down * down)
-            })
-        })
+                let down = point.v - v;
+                let allowed_m = slope_per_px * near_m;
+                if excess_m * excess_m > allowed_m * allowed_m * (across * across + down * down) {
+                    return false;
+                }
+            }
+        }
+        true
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mask_index::Erosion;
+    use crate::mask_outline::Outline;
+    use crate::{Mask, Rle};
 
     const TOLERANCE: Tolerance = Tolerance { step_m: 0.05, step_share: 0.02, slope: 8.0 };
 
     /// Points in the directions of (u, v) at a range: does the first hide the second?
     fn check(near: (f64, f64, f64), far: (f64, f64, f64), is_visible: bool) {
         let camera = Equirectangular::default();
-        let mut grid = CellGrid::new(&camera, 2);
-        grid.mark(&Span { column: far.0 as u32, top: far.1 as u32, bottom: far.1 as u32 + 1 });
+        let rle = Rle::from_counts(1920, 640, &[0, 1920 * 640]).expect("fills the image");
+        let masks = [Mask::new(rle, "wall", 1.0)];
+        let outlines = [Outline::new(&masks[0].rle)];
+        let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
+        let index = MaskIndex::new(&masks, &outlines, 1920, 640, &none);
         let point = |(u, v, range)| Point3::from(camera.unproject(u, v).into_inner() * range).cast::<f32>();
-        let filled = RangeBuffer::fill(&[point(far), point(near)], &camera, grid);
+        let filled = RangeBuffer::fill(&[point(far), point(near)], &View::Camera, &camera, 2, &index);
         let candidate = filled.candidates[0];
-        assert_eq!(candidate.point, 0);
+        assert_eq!((candidate.point, candidate.mask), (0, 0));
         assert_eq!(filled.buffer.is_visible(&candidate, &TOLERANCE), is_visible, "{near:?} {far:?}");
         assert!(filled.candidates[1..].iter().all(|near| filled.buffer.is_visible(near, &TOLERANCE)));
+    }
+
+    #[test]
+    fn cells_say_what_their_pixels_show() {
+        for (width_px, height_px, cell_px) in [(40, 12, 2), (41, 13, 3), (7, 5, 4), (3, 3, 1), (5, 2, 9)] {
+            let camera = Equirectangular { width_px, height_px, ..Equirectangular::default() };
+            let of = |is_set: &dyn Fn(u32, u32) -> bool| {
+                let pixels: Vec<bool> = (0..width_px * height_px).map(|i| is_set(i % width_px, i / width_px)).collect();
+                Mask::new(Rle::from_rows(width_px, height_px, &pixels).expect("all pixels"), "thing", 0.5)
+            };
+            let masks = [of(&|u, v| u < 9 && v < 9), of(&|u, v| (u + 2 * v) % 23 == 3), of(&|u, _| u == 40)];
+            let outlines: Vec<Outline> = masks.iter().map(|mask| Outline::new(&mask.rle)).collect();
+            let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
+            let index = MaskIndex::new(&masks, &outlines, width_px, height_px, &none);
+            let grid = CellGrid::new(&camera, cell_px, &index);
+            for (u, v) in (0..width_px).flat_map(|u| (0..height_px).map(move |v| (u, v))) {
+                let (column, row) = grid.cell_of(u as f32 + 0.99, v as f32);
+                assert_eq!((column, row), ((u / cell_px) as i32, (v / cell_px) as i32));
+                let (column, row) = (column as usize, row as usize);
+                let cell = |column: usize, row: usize| grid.shows[row * grid.columns + column];
+                let pixel = index.mask_at(u, v);
+                match cell(column, row) {
+                    FAR | NEAR => assert_eq!(pixel, None),
+                    MIXED => {}
+                    mask => assert_eq!(pixel, Some(mask)),
+                }
+                let around = (row.saturating_sub(1)..=(row + 1).min(grid.rows - 1))
+                    .flat_map(|row| with_neighbours(column, grid.columns).map(|column| cell(column, row)));
+                let is_shown = |shows: u16| !matches!(shows, FAR | NEAR);
+                let index = row * grid.columns + column;
+                assert_eq!(grid.is_near[index / 64] >> (index % 64) & 1 == 0, cell(column, row) == FAR);
+                assert_eq!(cell(column, row) == FAR, !around.into_iter().any(is_shown), "{u} {v}");
+            }
+        }
     }
 
     #[test]

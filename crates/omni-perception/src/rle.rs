@@ -45,6 +45,25 @@ pub enum RleError {
         /// Index of the byte.
         position: usize,
     },
+    /// A span is not inside the image.
+    #[error("rows {top}..{bottom} of column {column} are not inside the image")]
+    Span {
+        /// Its column.
+        column: u32,
+        /// Its first row.
+        top: u32,
+        /// The row after its last.
+        bottom: u32,
+    },
+    /// A corner of a polygon is NaN or infinite.
+    #[error("a corner of a polygon is not finite")]
+    Corner,
+    /// The outline of a polygon goes to and fro without end.
+    #[error("the outline of the polygons crosses more than {limit} columns")]
+    Outline {
+        /// Crossings that are accepted.
+        limit: usize,
+    },
 }
 
 /// The ones of one column: rows `top..bottom`.
@@ -140,6 +159,43 @@ impl Rle {
             }
         }
         Rle::from_counts(width, height, &counts)
+    }
+
+    /// A mask from its ones; spans in any order, and they may overlap.
+    ///
+    /// # Errors
+    /// [`RleError`] if the size is unsound or a span does not lie in the image.
+    pub fn from_spans(width: u32, height: u32, mut spans: Vec<Span>) -> Result<Rle, RleError> {
+        if !(1..=32768).contains(&width) || !(1..=32768).contains(&height) {
+            return Err(RleError::Size { width, height });
+        }
+        let is_inside = |span: &&Span| span.column < width && span.top <= span.bottom && span.bottom <= height;
+        if let Some(span) = spans.iter().find(|span| !is_inside(span)) {
+            return Err(RleError::Span { column: span.column, top: span.top, bottom: span.bottom });
+        }
+        spans.sort_unstable_by_key(|span| (span.column, span.top));
+        // Ends of runs: a run of zeros before each run of ones, and one at the end if any are left.
+        let mut ends: Vec<u32> = Vec::with_capacity(2 * spans.len() + 1);
+        for span in spans.iter().filter(|span| span.top < span.bottom) {
+            let (start, end) = (span.column * height + span.top, span.column * height + span.bottom);
+            match ends.last_mut() {
+                Some(last) if start <= *last => *last = end.max(*last),
+                _ => ends.extend([start, end]),
+            }
+        }
+        if ends.last() != Some(&(width * height)) {
+            ends.push(width * height);
+        }
+        Ok(Rle { width, height, ends })
+    }
+
+    /// The box around the ones: first column and row, and those after the last; `None` if there are none.
+    pub fn bounds(&self) -> Option<[u32; 4]> {
+        self.spans().fold(None, |bounds: Option<[u32; 4]>, span| {
+            let [left, top, right, bottom] = bounds.unwrap_or([u32::MAX, u32::MAX, 0, 0]);
+            let right = right.max(span.column + 1);
+            Some([left.min(span.column), top.min(span.top), right, bottom.max(span.bottom)])
+        })
     }
 
     /// Width in pixels.

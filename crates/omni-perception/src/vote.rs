@@ -3,8 +3,12 @@
 //! ```text
 //! L(o) = argmax_l  sum over frames t of  I(label of o in t = l)
 //! ```
-//! Departure: the indicator is taken over frames, not points, otherwise one close-up with 5000 points outvotes twenty
-//! frames. Each frame gives one histogram that sums to one, weighted by score and inverse variance of the range.
+//! Departure: as printed the indicator counts the points of a frame, so that one close-up with 5000 points outvotes twenty
+//! frames. Here each frame gives one histogram over names that sums to one ([`ObjectObservation::label_weights`]: two masks on
+//! one thing share the frame by their scores), times one weight: the best score over the variance of the range, which grows
+//! with its square ([`ObjectObservation::weight`]). The sums may decay. [`UNKNOWN`](crate::UNKNOWN) is a name like any other:
+//! a thing that most frames cannot name has none. Ties go to the higher mean score, then to the first in the alphabet, and
+//! the result keeps the second best and the margin, so that the caller can wait for more frames.
 
 use std::collections::BTreeMap;
 
@@ -104,6 +108,7 @@ mod tests {
             range_m: 1.0,
             color_rgb: None,
             touches_image_border: false,
+            track: None,
         }
     }
 
@@ -132,13 +137,30 @@ mod tests {
     }
 
     #[test]
+    fn unknown_is_a_name_like_any_other() {
+        let mut vote = LabelVote::default();
+        for label in [crate::UNKNOWN, crate::UNKNOWN, "mug"] {
+            vote.add(&seen(label, 9, 0.9, 0.5), 1.0);
+        }
+        let result = vote.result().expect("votes");
+        assert_eq!((result.label.as_str(), result.runner_up.as_deref()), (crate::UNKNOWN, Some("mug")));
+        assert!((result.margin - 1.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn older_frames_may_count_less() {
+        let mut vote = LabelVote::default();
+        vote.add(&seen("cup", 9, 0.9, 0.5), 0.5);
+        vote.add(&seen("mug", 9, 0.9, 0.5), 0.5);
+        let result = vote.result().expect("votes");
+        assert_eq!(result.label, "mug");
+        assert!((result.share - 2.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_frame_shares_its_vote_by_score() {
-        let mask = |label: &str, score: f32| Mask {
-            rle: Rle::from_counts(1, 1, &[0, 1]).expect("one pixel"),
-            label: label.into(),
-            score,
-            caption: String::new(),
-        };
+        let mask =
+            |label: &str, score: f32| Mask::new(Rle::from_counts(1, 1, &[0, 1]).expect("one pixel"), label, score);
         let masks = [mask("sofa", 0.6), mask("couch", 0.2), mask("sofa", 0.3), mask("bed", f32::NAN)];
         let (histogram, best) = frame_histogram(&masks.iter().collect::<Vec<_>>());
         assert_eq!(best.label, "sofa");

@@ -200,7 +200,7 @@ mod masks {
     }
 
     fn mask(rle: Rle) -> Mask {
-        Mask { rle, label: "thing".into(), score: 0.5, caption: String::new() }
+        Mask::new(rle, "thing", 0.5)
     }
 
     proptest! {
@@ -218,6 +218,16 @@ mod masks {
                 }
             }
             prop_assert_eq!(&painted, &rows);
+            // In any order, and each span given twice.
+            let spans: Vec<Span> = rle.spans().chain(rle.spans()).collect();
+            let again = Rle::from_spans(width, height, spans.into_iter().rev().collect()).expect("inside");
+            prop_assert_eq!(again.counts(), Rle::from_rows(width, height, &rows).expect("sound").counts());
+            if let Some([left, top, right, bottom]) = rle.bounds() {
+                let inside = (top..bottom).flat_map(|row| (left..right).map(move |column| (column, row)));
+                prop_assert_eq!(inside.filter(|&(column, row)| rle.contains(column, row)).count() as u64, rle.area());
+            } else {
+                prop_assert_eq!(rle.area(), 0);
+            }
             for row in 0..height {
                 for column in 0..width {
                     prop_assert_eq!(rle.contains(column, row), rows[(row * width + column) as usize]);

@@ -45,7 +45,7 @@
 //! 3. [`track::MotionTrack`] is a motion of pieces with constant jerk: exact derivatives at any time.
 //!    [`ground_base`] and [`quadrotor`] make one from commands; [`contact`] tells them, by rapier, what they run into.
 //! 4. [`lidar`], [`encoder`] and [`imu`] sample the motion.
-//! 5. [`panorama`] renders ([`render`]: few rays, subdivided) and has the picture segmented ([`segmenter`], [`region`]) with
+//! 5. [`panorama`] and [`fisheye`] render ([`render`]: few rays, subdivided) and have the picture segmented ([`segmenter`], [`region`]) with
 //!    errors that hang together over time and view.
 //! 6. All noise comes from [`noise`]: random numbers by address, not by order.
 //!
@@ -76,6 +76,7 @@ pub mod door_leaves;
 pub mod doors;
 pub mod encoder;
 pub mod equirect;
+pub mod fisheye;
 pub mod fitness;
 pub mod floorplan;
 pub mod furniture;

@@ -51,7 +51,7 @@ pub fn render_every_pixel(
 }
 
 /// Coarsest distance of rays; 8 pixels are 1.5 degrees of a 1920 panorama.
-const BLOCK: usize = 8;
+pub(crate) const BLOCK: usize = 8;
 /// Columns a task renders.
 const STRIP: usize = 80;
 /// Things that look smaller than this are looked for down to 2 pixels.
@@ -65,19 +65,53 @@ fn render_with_blocks(
     block: usize,
 ) -> Rendering {
     let (width, height) = (view.width as usize, view.height as usize);
+    let eye = AllRound {
+        columns: (0..width + block + 1).map(|x| unit(view.theta_rad(x as f64 + 0.5))).collect(),
+        rows: (0..height + block + 1).map(|y| unit(view.phi_rad(y as f64 + 0.5))).collect(),
+    };
+    let boxes = match block {
+        1 => Vec::new(),
+        _ => boxes_in_view(snapshot, world_from_camera, |low, high| box_in_view(low, high, view)),
+    };
+    let picture = render_through(&eye, (width, height), snapshot, world_from_camera, max_range_m, block, boxes);
+    Rendering { view: *view, rgb: picture.rgb, instances: picture.instances, rays: picture.rays }
+}
+
+/// Which way the pixels of a camera look.
+pub(crate) trait Eye: Sync {
+    /// Unit vector in the camera frame at the centre of pixel `(x, y)`, up to a block beyond the border; `None` where the
+    /// lens shows nothing.
+    fn direction(&self, x: usize, y: usize) -> Option<Vector3<f32>>;
+}
+
+/// A picture without its geometry, as in [`Rendering`].
+pub(crate) struct Picture {
+    pub(crate) rgb: Vec<u8>,
+    pub(crate) instances: Vec<InstanceId>,
+    rays: usize,
+}
+
+/// Renders through any eye. `boxes` are the things that could slip between the corners of a block.
+pub(crate) fn render_through<E: Eye>(
+    eye: &E,
+    (width, height): (usize, usize),
+    snapshot: &Snapshot<'_>,
+    world_from_camera: &Isometry3<f64>,
+    max_range_m: f64,
+    block: usize,
+    boxes: Vec<BoxInView>,
+) -> Picture {
     let scene = Scene {
         snapshot,
         origin: Point3::from(world_from_camera.translation.vector).cast(),
         world_from_camera: world_from_camera.rotation.to_rotation_matrix().matrix().cast(),
-        columns: (0..width + block + 1).map(|x| unit(view.theta_rad(x as f64 + 0.5))).collect(),
-        rows: (0..height + block + 1).map(|y| unit(view.phi_rad(y as f64 + 0.5))).collect(),
+        eye,
         max_range: max_range_m as f32,
-        boxes: if block == 1 { Vec::new() } else { boxes_in_view(snapshot, world_from_camera, view) },
+        boxes,
         height,
         block,
     };
-    let mut rendering =
-        Rendering { view: *view, rgb: vec![0; 3 * width * height], instances: vec![0; width * height], rays: 0 };
+    let mut rendering = Picture { rgb: vec![0; 3 * width * height], instances: vec![0; width * height], rays: 0 };
     // A strip's columns are one piece of the column-major instances; its colours are copied row by row.
     let tiles: Vec<(usize, Vec<u8>)> = rendering
         .instances
@@ -106,13 +140,25 @@ fn unit(angle: f64) -> (f32, f32) {
     (angle.cos() as f32, angle.sin() as f32)
 }
 
-struct Scene<'a> {
-    snapshot: &'a Snapshot<'a>,
-    origin: Point3<f32>,
-    world_from_camera: Matrix3<f32>,
+/// The eye of a panorama.
+struct AllRound {
     /// Cosine and sine of each column's azimuth and each row's elevation, some beyond the border.
     columns: Vec<(f32, f32)>,
     rows: Vec<(f32, f32)>,
+}
+
+impl Eye for AllRound {
+    fn direction(&self, x: usize, y: usize) -> Option<Vector3<f32>> {
+        let ((cos_theta, sin_theta), (cos_phi, sin_phi)) = (self.columns[x], self.rows[y]);
+        Some(Vector3::new(cos_phi * cos_theta, cos_phi * sin_theta, sin_phi))
+    }
+}
+
+struct Scene<'a, E> {
+    snapshot: &'a Snapshot<'a>,
+    origin: Point3<f32>,
+    world_from_camera: Matrix3<f32>,
+    eye: &'a E,
     max_range: f32,
     boxes: Vec<BoxInView>,
     height: usize,
@@ -128,10 +174,11 @@ struct Sample {
     color: [f32; 3],
 }
 
-impl Scene<'_> {
+impl<E: Eye> Scene<'_, E> {
     fn sample(&self, x: usize, y: usize, stack: &mut RayStack) -> Sample {
-        let ((cos_theta, sin_theta), (cos_phi, sin_phi)) = (self.columns[x], self.rows[y]);
-        let in_camera = Vector3::new(cos_phi * cos_theta, cos_phi * sin_theta, sin_phi);
+        let Some(in_camera) = self.eye.direction(x, y) else {
+            return Sample { facet: u32::MAX - 1, instance: 0, range: 0.0, color: [0.0; 3] };
+        };
         let direction = self.world_from_camera * in_camera;
         match self.snapshot.cast(&self.origin, &direction, self.max_range, stack) {
             None => Sample { facet: u32::MAX, instance: 0, range: self.max_range, color: [0.0; 3] },
@@ -161,8 +208,8 @@ fn brightness(normal: &Vector3<f32>, direction: &Vector3<f32>, range: f32) -> f3
 }
 
 /// Pixels `x0..x0 + width` of all rows.
-struct Strip<'a> {
-    scene: &'a Scene<'a>,
+struct Strip<'a, E> {
+    scene: &'a Scene<'a, E>,
     x0: usize,
     width: usize,
     rgb: Vec<u8>,
@@ -184,8 +231,8 @@ struct Samples {
 
 const NO_SAMPLE: u32 = u32::MAX;
 
-impl<'a> Strip<'a> {
-    fn new(scene: &'a Scene<'a>, x0: usize, samples: &'a mut Samples, instances: &'a mut [InstanceId]) -> Self {
+impl<'a, E: Eye> Strip<'a, E> {
+    fn new(scene: &'a Scene<'a, E>, x0: usize, samples: &'a mut Samples, instances: &'a mut [InstanceId]) -> Self {
         let width = instances.len() / scene.height;
         let stride = width + scene.block + 1;
         samples.found.clear();
@@ -321,24 +368,34 @@ impl<'a> Strip<'a> {
 }
 
 /// Where the box of a thing may be seen, and how near.
-struct BoxInView {
-    instance: InstanceId,
-    nearest: f32,
+pub(crate) struct BoxInView {
+    pub(crate) instance: InstanceId,
+    pub(crate) nearest: f32,
     /// Finest block it asks for.
-    finest: usize,
+    pub(crate) finest: usize,
     /// First and last column, the first may be the larger one (over the seam).
-    columns: (usize, usize),
-    rows: (usize, usize),
+    pub(crate) columns: (usize, usize),
+    pub(crate) rows: (usize, usize),
 }
 
 impl BoxInView {
+    /// Of a thing that looks `size_px` large at most.
+    pub(crate) fn finest_of(size_px: f64) -> usize {
+        if size_px < SMALL_PX { 2 } else { 4 }
+    }
+
     fn overlaps_columns(&self, left: usize, right: usize) -> bool {
         let (first, last) = self.columns;
         if first <= last { first <= right && last >= left } else { last >= left || first <= right }
     }
 }
 
-fn boxes_in_view(snapshot: &Snapshot<'_>, world_from_camera: &Isometry3<f64>, view: &Equirect) -> Vec<BoxInView> {
+/// The things of a snapshot whose boxes `place` finds in the picture; it gets the box round them in the camera frame.
+pub(crate) fn boxes_in_view(
+    snapshot: &Snapshot<'_>,
+    world_from_camera: &Isometry3<f64>,
+    place: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Option<BoxInView>,
+) -> Vec<BoxInView> {
     let camera_from_world: Isometry3<f32> = world_from_camera.inverse().cast();
     snapshot
         .world()
@@ -349,13 +406,14 @@ fn boxes_in_view(snapshot: &Snapshot<'_>, world_from_camera: &Isometry3<f64>, vi
                 Some(mover) => camera_from_world * snapshot.mover_pose(mover),
                 None => camera_from_world,
             };
-            box_in_view(extent, &camera_from_mesh, view)
+            let (low, high) = box_in_camera(extent, &camera_from_mesh);
+            Some(BoxInView { instance: extent.instance, ..place(&low, &high)? })
         })
         .collect()
 }
 
-/// `None` when the box is wholly above or below the picture.
-fn box_in_view(extent: &Extent, camera_from_mesh: &Isometry3<f32>, view: &Equirect) -> Option<BoxInView> {
+/// The box in camera axes around the box of a thing.
+fn box_in_camera(extent: &Extent, camera_from_mesh: &Isometry3<f32>) -> (Vector3<f64>, Vector3<f64>) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
     for i in 0..8 {
@@ -367,6 +425,11 @@ fn box_in_view(extent: &Extent, camera_from_mesh: &Isometry3<f32>, view: &Equire
         low = low.inf(&corner);
         high = high.sup(&corner);
     }
+    (low, high)
+}
+
+/// `None` when the box is wholly above or below the picture.
+fn box_in_view(low: &Vector3<f64>, high: &Vector3<f64>, view: &Equirect) -> Option<BoxInView> {
     // Distances of the box from the camera: to its nearest point, and horizontally to its nearest and farthest.
     let gap = |k: usize| low[k].max(-high[k]).max(0.0);
     let near = gap(0).hypot(gap(1));
@@ -380,12 +443,12 @@ fn box_in_view(extent: &Extent, camera_from_mesh: &Isometry3<f32>, view: &Equire
     if bottom < 0.0 || top > last_row {
         return None;
     }
-    let (columns, span) = columns_of(&low, &high, near, view);
+    let (columns, span) = columns_of(low, high, near, view);
     let size = span.max(bottom - top);
     Some(BoxInView {
-        instance: extent.instance,
+        instance: 0, // the caller knows it
         nearest: nearest as f32,
-        finest: if size < SMALL_PX { 2 } else { 4 },
+        finest: BoxInView::finest_of(size),
         columns,
         rows: (top.max(0.0) as usize, bottom.min(last_row).ceil() as usize),
     })

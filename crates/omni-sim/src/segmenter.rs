@@ -4,7 +4,8 @@
 //! Its errors hang together: whether a thing is confused, missed or badly outlined is drawn from the thing, the side it is
 //! seen from (eight sectors) and a stretch of some seconds, so a confused object stays confused from that side for a
 //! while, and looking again from the same place does not average the error away. Part of the misses is drawn anew each
-//! frame. Instance numbers only select what was rendered; they reach neither the records nor the draws.
+//! frame. Video numbers (as SAM2 gives them) last for some time and are swapped now and then. Instance numbers only
+//! select what was rendered; they reach neither the records nor the draws.
 
 use crate::catalog;
 use crate::mesh::InstanceId;
@@ -24,8 +25,8 @@ pub struct SegmenterConfig {
     pub noise_scale: f64,
     /// Share of things that are taken for a look-alike (0.08).
     pub confusion: f64,
-    /// Share of things that are missed (0.15 on a usual mixture): half of it for large and near ones, up to three
-    /// times for small and far ones.
+    /// Share of things that are missed (0.15): of large and near ones. Small ones are missed up to 1.6 times as often,
+    /// far ones up to 1.4 times, small and far ones up to twice.
     pub miss: f64,
     /// Mean number of things per frame that are not there (0.3).
     pub false_positives: f64,
@@ -33,6 +34,10 @@ pub struct SegmenterConfig {
     pub bleed_px: f64,
     /// Time for which an error of a thing seen from one side stays (4).
     pub correlation_s: f64,
+    /// Mean time for which a thing keeps its number in the video (20).
+    pub track_s: f64,
+    /// Share of masks that carry a neighbour's number (0.02).
+    pub track_swaps: f64,
     /// Visible pixels of a 1920 panorama at which a thing counts as small (600); in proportion for other sizes.
     pub small_px: f64,
     /// Distance beyond which a thing counts as far (6).
@@ -59,6 +64,8 @@ impl Default for SegmenterConfig {
             false_positives: 0.3,
             bleed_px: 2.0,
             correlation_s: 4.0,
+            track_s: 20.0,
+            track_swaps: 0.02,
             small_px: 600.0,
             far_m: 6.0,
             min_area_px: 25,
@@ -86,6 +93,9 @@ impl SegmenterConfig {
             && (0.0..=50.0).contains(&self.bleed_px)
             && self.correlation_s > 0.0
             && self.correlation_s < 1e6
+            && self.track_s > 0.0
+            && self.track_s < 1e6
+            && share(self.track_swaps)
             && self.small_px > 0.0
             && self.far_m > 0.0;
         if good { Ok(()) } else { Err(SegmenterConfigError) }
@@ -103,6 +113,9 @@ pub struct MaskRecord {
     pub score: f32,
     /// A sentence about it, wrong where the label is wrong.
     pub caption: String,
+    /// Number of the object in the video, as a tracker gives it: it stays for some time, then the thing has another one,
+    /// and sometimes a neighbour's. It says nothing about instances.
+    pub track: u64,
 }
 
 /// Segments a rendering. Masks may overlap; they come in the order of their first pixel.
@@ -143,7 +156,9 @@ pub fn segment(
         let first = |m: &(Region, MaskRecord)| m.0.runs().first().map(|r| (r.column, r.from));
         (first(a), &a.1.label, &a.1.counts).cmp(&(first(b), &b.1.label, &b.1.counts))
     });
-    masks.into_iter().map(|(_, mask)| mask).collect()
+    let mut masks: Vec<MaskRecord> = masks.into_iter().map(|(_, mask)| mask).collect();
+    frame.swap_numbers(&mut masks);
+    masks
 }
 
 /// Whether a phrase asks for a class: the same words, one more word before either, singular or plural.
@@ -203,7 +218,7 @@ impl Frame<'_> {
         let scale = 1920.0 / f64::from(self.width);
         let smallness = (-(area as f64) * scale * scale / config.small_px).exp();
         let farness = (to_camera.norm() / config.far_m - 1.0).clamp(0.0, 1.0);
-        let miss = config.noise_scale * config.miss * (0.5 + 2.0 * smallness + 0.5 * farness);
+        let miss = config.noise_scale * config.miss * (1.0 + 0.6 * smallness + 0.4 * farness);
         // Two draws of which either may miss: 1 - (1 - 0.7 p)(1 - 0.3 p) is p within a few per cent of it.
         let miss = miss.min(0.9);
         if lasting.with(1).uniform() < 0.7 * miss || momentary.with(1).uniform() < 0.3 * miss {
@@ -224,7 +239,27 @@ impl Frame<'_> {
         };
         let region = self.bleed(region, lasting.with(6));
         let score = score.clamp(0.05, 0.99) as f32;
-        Some(self.record(region, label, score, caption))
+        Some(self.record(region, label, score, caption, self.track(root)))
+    }
+
+    /// The number of a thing in the video at this time: another one after about `track_s`, for each thing at its own
+    /// times.
+    fn track(&self, root: NoiseKey) -> u64 {
+        let stretch = self.config.track_s * 1e9;
+        let time = self.stamp_ns as f64 / stretch + root.with(9).uniform();
+        // Positive in 32 bits, as trackers count.
+        root.with(10).with(time.floor() as i64 as u64).bits() >> 33
+    }
+
+    /// Some masks get the number of the next one: trackers confuse what passes before one another.
+    fn swap_numbers(&self, masks: &mut [MaskRecord]) {
+        let key = NoiseKey::new(self.config.seed).with_text("track swap").with(self.stamp_ns as u64);
+        for next in 1..masks.len() {
+            if key.with(next as u64).uniform() < self.config.noise_scale * self.config.track_swaps {
+                let [a, b] = [next - 1, next].map(|index| masks[index].track);
+                (masks[next - 1].track, masks[next].track) = (b, a);
+            }
+        }
     }
 
     /// The address of draws that stay while the thing is seen from one side, for some seconds.
@@ -303,14 +338,14 @@ impl Frame<'_> {
                 let label = words[key.with(5).index(words.len())].to_string();
                 let score = key.with(6).between(0.3, 0.55) as f32;
                 let caption = plain_caption(&label, "");
-                (!region.is_empty()).then(|| self.record(region, label, score, caption))
+                (!region.is_empty()).then(|| self.record(region, label, score, caption, key.with(7).bits() >> 33))
             })
             .collect()
     }
 
-    fn record(&self, region: Region, label: String, score: f32, caption: String) -> (Region, MaskRecord) {
+    fn record(&self, region: Region, label: String, score: f32, caption: String, track: u64) -> (Region, MaskRecord) {
         let counts = region.coco_counts(self.width, self.height);
-        let mask = MaskRecord { counts, label, score, caption };
+        let mask = MaskRecord { counts, label, score, caption, track };
         (region, mask)
     }
 }

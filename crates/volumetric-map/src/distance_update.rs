@@ -207,8 +207,8 @@ impl DistanceField {
         let [nx, ny, nz] = self.size;
         let mut lines = 0;
         let mut line = Line::new(nx, self.reach_squared);
-        for yz in 0..ny * nz {
-            let Some((read, write)) = line.windows(dirty[yz]) else { continue };
+        for (yz, span) in dirty.iter().enumerate().take(ny * nz) {
+            let Some((read, write)) = line.windows(*span) else { continue };
             lines += 1;
             let first = nx * yz;
             for (value, squared) in line.values.iter_mut().zip(&self.plane[first..][read.clone()]) {

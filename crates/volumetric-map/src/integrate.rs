@@ -9,7 +9,7 @@
 //! 3. *Clear.* Each marked voxel takes one observation of free space per scan, however many rays passed.
 //!
 //! This file is the text, with the plain walk for steps 1 and 2 ([`Volume::integrate_plainly`]); what runs is
-//! [`integrate_fast`](crate::integrate_fast), which is held to the same bytes. Cost: about six voxels for each return that pulls;
+//! `integrate_fast`, which is held to the same bytes. Cost: about six voxels for each return that pulls;
 //! the fast walk crosses blocks that are firmly free already in one step.
 
 use nalgebra::{Point3, Vector3};
@@ -118,14 +118,13 @@ impl Volume {
 
     /// Checks the points, marks the voxels that hold returns, and chooses which rays pull and which clear.
     ///
-    /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All pull, except
-    /// on a surface that is firmly known: there only the first return pulls, and only every other scan unless it does not
-    /// agree with the map.
+    /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All
+    /// pull.
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
         let (near, far) = ((self.config.min_range_m * scale).max(1e-6), self.config.max_range_m * scale);
         let turn = u32::try_from(self.config.clear_every).unwrap_or(u32::MAX);
-        let mut rays = Vec::with_capacity(points.len() / 2);
+        let mut rays = Vec::with_capacity(points.len());
         let mut returns = Returns::new();
         for chunk in points.chunks(LANES) {
             returns.take(chunk, scale, &scan.origin, far);
@@ -144,57 +143,26 @@ impl Volume {
                 let phase = checker.wrapping_add(self.revision);
                 // The usual turns are powers of two; a division for each point is felt.
                 let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
-                if range <= far {
-                    scan.report.integrated += 1;
-                    let ray = Ray { direction, range, end: Some(end), end_block: NONE, is_clearing: is_turn };
-                    rays.extend(self.mark_return(ray, end, phase & 1 == 0, scan));
-                } else {
+                if range > far {
                     scan.report.beyond_range += 1;
                     if is_turn {
                         rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
                     }
+                    continue;
                 }
+                scan.report.integrated += 1;
+                let id = self.enter(BlockKey::of_voxel(end), scan);
+                if id == NONE {
+                    continue;
+                }
+                let block = &mut self.blocks[id as usize];
+                let local = local_of(end);
+                let is_first = !contains(&block.hit, local);
+                insert(&mut block.hit, local);
+                rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing: is_first && is_turn });
             }
         }
         rays
-    }
-
-    /// Marks the voxel of a return; gives the ray back if it pulls.
-    #[inline]
-    fn mark_return(&mut self, mut ray: Ray, end: [i32; 3], is_pulling_turn: bool, scan: &mut Scan) -> Option<Ray> {
-        ray.end_block = self.enter(BlockKey::of_voxel(end), scan);
-        if ray.end_block == NONE {
-            return None;
-        }
-        let block = &mut self.blocks[ray.end_block as usize];
-        let local = local_of(end);
-        let is_first = !contains(&block.hit, local);
-        insert(&mut block.hit, local);
-        ray.is_clearing &= is_first;
-        let is_firm = contains(&block.near_surface, local) && block.weight[local] >= self.config.max_weight / 2;
-        if !is_firm || ray.is_clearing {
-            return Some(ray);
-        }
-        if !is_first {
-            return None;
-        }
-        let units_per_voxel = f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
-        let depth = ray.range - (Vector3::from(end.map(|i| f64::from(i) + 0.5)) - scan.origin).dot(&ray.direction);
-        let agrees =
-            (depth * units_per_voxel - f64::from(block.distance[local])).abs() < AGREES_VOXELS * units_per_voxel;
-        if is_pulling_turn || !agrees {
-            return Some(ray);
-        }
-        // It says nothing new, but what it stands for must not be cleared: the solid may begin in the next voxel.
-        let behind = self.config.behind_m / self.config.voxel_m;
-        for part in [0.5, 1.0] {
-            let voxel = (scan.origin + ray.direction * (ray.range + part * behind)).map(floor).into();
-            let id = self.enter(BlockKey::of_voxel(voxel), scan);
-            if id != NONE {
-                insert(&mut self.blocks[id as usize].in_band, local_of(voxel));
-            }
-        }
-        None
     }
 
     /// Step 1, voxel by voxel.
@@ -368,8 +336,6 @@ impl Volume {
 
 /// A ray that must end this far (in voxels) off a voxel's tangent plane before it counts against the voxel.
 const CLEAR_DEPTH_VOXELS: f64 = 1.5;
-/// A return this near (in voxels) to where the map has the surface says nothing new.
-const AGREES_VOXELS: f64 = 0.5;
 
 pub(crate) struct Scan {
     pub report: IntegrationReport,

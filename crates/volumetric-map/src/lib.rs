@@ -51,7 +51,7 @@
 //! 2. Blocks of 8^3 voxels keep bit sets (known, occupied), so that a flat grid ([`OccupancyGrid`]) or a coarser cell costs a few word operations.
 //! 3. [`clearance`] and [`fill_islands`] read a flat grid: exact distance transform, furniture filling.
 //! 4. [`distance_field`] is the same exact transform in three dimensions, kept up to date line by line; [`sight`] walks through it (Eq. 6).
-//! 5. [`mesh`] makes surface nets per changed block; [`ply`] writes and reads them.
+//! 5. [`mesh`] makes surface nets per changed block; [`ply`] writes and reads them, and the points of clouds.
 //! 6. [`places`] floods free space from wide to narrow (a watershed on the Voronoi ridges): places, edges, stable ids, frontiers.
 //! 7. [`store`] saves and loads the volume.
 //!
@@ -101,6 +101,7 @@ pub use mesh::{Mesh, MeshDelta};
 pub use occupancy_grid::{OccupancyGrid, clearance, fill_islands};
 pub use places::{Place, PlaceConfig, PlaceConfigError, PlaceEdge, PlaceEvent, PlaceGraph, PlaceId};
 pub use ply::PlyError;
+pub use ply::points::read_ply_points;
 pub use sight::LineOfSight;
 pub use store::LoadError;
 pub use volume::{Cell, Volume};

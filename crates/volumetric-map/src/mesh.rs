@@ -221,7 +221,10 @@ impl Volume {
 
 /// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
 fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
-    let mut tally = [(0u16, 0u32); 8];
+    let mut labels = [0u16; 8];
+    let mut counts = [0u8; 8];
+    let mut is_unanimous = true;
+    let mut first = 0;
     for corner in 0..8usize {
         let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
         let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
@@ -229,15 +232,21 @@ fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
             continue;
         };
         let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
-        if votes.count[i] == 0 {
-            continue;
+        if votes.count[i] > 0 {
+            (labels[corner], counts[corner]) = (votes.label[i], votes.count[i]);
+            is_unanimous &= first == 0 || first == votes.label[i];
+            first = votes.label[i];
         }
-        let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
-        slot.0 = votes.label[i];
-        slot.1 += u32::from(votes.count[i]);
     }
-    let best = tally.into_iter().max_by_key(|(label, count)| (*count, std::cmp::Reverse(*label)));
-    best.filter(|(_, count)| *count > 0).map_or(0, |(label, _)| label)
+    // Nearly everywhere.
+    if is_unanimous {
+        return first;
+    }
+    let tally = |label: u16| -> u32 {
+        labels.iter().zip(counts).filter(|(other, _)| **other == label).map(|(_, count)| u32::from(count)).sum()
+    };
+    let voted = labels.into_iter().filter(|label| *label != 0);
+    voted.max_by_key(|label| (tally(*label), std::cmp::Reverse(*label))).unwrap_or(0)
 }
 
 fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
@@ -245,8 +254,12 @@ fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
 }
 
 /// Positions of the ones of a row.
-fn ones(row: u16) -> impl Iterator<Item = usize> {
-    (0..9).filter(move |x| row >> x & 1 == 1)
+fn ones(mut row: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let next = (row != 0).then(|| row.trailing_zeros() as usize);
+        row &= row.wrapping_sub(1);
+        next
+    })
 }
 
 struct Patch {
@@ -271,13 +284,11 @@ impl Patch {
                 for y in range(shift_y) {
                     let first = (y & 7) << 3 | (z & 7) << 6;
                     let known = (block.known[z & 7] >> (8 * (y & 7)) & if width == 8 { 0xff } else { 1 }) as u16;
-                    let mut inside = 0u16;
                     let to = 8 * shift_x + 9 * y + 81 * z;
-                    for x in 0..width {
-                        let distance = block.distance[first + x];
-                        patch.distance[to + x] = distance;
-                        inside |= u16::from(distance < 0) << x;
-                    }
+                    patch.distance[to..to + width].copy_from_slice(&block.distance[first..first + width]);
+                    // Only voxels near a surface can lie inside.
+                    let near = (block.near_surface[z & 7] >> (8 * (y & 7))) as u16 & known;
+                    let inside = ones(near).fold(0, |bits, x| bits | u16::from(block.distance[first + x] < 0) << x);
                     patch.inside[9 * z + y] |= (known & inside) << (8 * shift_x);
                     patch.outside[9 * z + y] |= (known & !inside) << (8 * shift_x);
                 }

@@ -1,4 +1,7 @@
-//! Meshes as binary PLY files: `float x, y, z`, `ushort label`, triangles as `list uchar uint vertex_indices`.
+//! Meshes as binary PLY files: `float x, y, z`, `ushort label`, triangles as `list uchar uint vertex_indices`; and the points of
+//! PLY files that others wrote ([`points`]).
+
+pub mod points;
 
 use std::io::{BufRead, BufReader, Read, Write};
 
@@ -17,8 +20,8 @@ pub enum PlyError {
     /// The first line is not `ply`.
     #[error("not a PLY file")]
     NotPly,
-    /// Not `binary_little_endian 1.0`.
-    #[error("only binary_little_endian 1.0 is read")]
+    /// Neither `binary_little_endian 1.0` nor, for points, `ascii 1.0`.
+    #[error("the format must be binary_little_endian 1.0 (for points also ascii 1.0)")]
     Format,
     /// A header line makes no sense, or the header is too long.
     #[error("header line {line} makes no sense")]
@@ -27,7 +30,7 @@ pub enum PlyError {
         line: usize,
     },
     /// The vertices have no float x, y, z.
-    #[error("vertices need the float properties x, y, z")]
+    #[error("vertices need the properties x, y, z of type float (for points also double)")]
     NoPosition,
     /// An element or a list of a kind this reader does not know.
     #[error("header line {line} declares something this reader does not know")]
@@ -38,6 +41,20 @@ pub enum PlyError {
     /// More vertices or faces than 32-bit numbers can name.
     #[error("the file declares {0} elements, more than can be read")]
     TooMany(u64),
+    /// A line of an ascii file has not the declared numbers.
+    #[error("line {line} does not hold the numbers that the header declares")]
+    Row {
+        /// Counted from one.
+        line: usize,
+    },
+    /// The file ends before a vertex.
+    #[error("the file ends in vertex {vertex} of {of}")]
+    Vertex {
+        /// Counted from zero.
+        vertex: usize,
+        /// Declared.
+        of: usize,
+    },
     /// A face names a vertex that does not exist, or has fewer than three corners.
     #[error("face {face} is broken")]
     Face {
@@ -85,6 +102,9 @@ impl Mesh {
     pub fn read_ply(input: impl Read) -> Result<Self, PlyError> {
         let mut input = BufReader::new(input);
         let header = Header::read(&mut input)?;
+        if header.format != Format::Binary {
+            return Err(PlyError::Format);
+        }
         let mut mesh = Self::default();
         for element in &header.elements {
             match element.name.as_str() {
@@ -170,7 +190,16 @@ fn read_faces(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> Resu
 }
 
 struct Header {
+    format: Format,
     elements: Vec<Element>,
+    /// Lines up to and with `end_header`.
+    lines: usize,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Ascii,
+    Binary,
 }
 
 struct Element {
@@ -231,7 +260,7 @@ impl Scalar {
 impl Header {
     fn read(input: &mut impl BufRead) -> Result<Self, PlyError> {
         let mut elements: Vec<Element> = Vec::new();
-        let mut has_format = false;
+        let mut format = None;
         for line in 1..=200 {
             let mut bytes = Vec::new();
             input.by_ref().take(1000).read_until(b'\n', &mut bytes)?;
@@ -247,7 +276,8 @@ impl Header {
             let bad = PlyError::Header { line };
             match words.as_slice() {
                 ["comment" | "obj_info", ..] => {}
-                ["format", "binary_little_endian", "1.0"] => has_format = true,
+                ["format", "binary_little_endian", "1.0"] => format = Some(Format::Binary),
+                ["format", "ascii", "1.0"] => format = Some(Format::Ascii),
                 ["format", ..] => return Err(PlyError::Format),
                 ["element", name, count] => {
                     let count: u64 = count.parse().map_err(|_| bad)?;
@@ -273,7 +303,8 @@ impl Header {
                     elements.last_mut().ok_or(bad)?.properties.push(Property { name: (*name).into(), kind, line });
                 }
                 ["end_header"] => {
-                    return if has_format { Ok(Self { elements }) } else { Err(PlyError::Format) };
+                    let format = format.ok_or(PlyError::Format)?;
+                    return Ok(Self { format, elements, lines: line });
                 }
                 _ => return Err(bad),
             }

@@ -141,6 +141,7 @@ impl Walk {
                 score: dice.range(0.5, 0.95) as f32,
                 points,
                 color: None,
+                track: None,
             });
             shows.push(index);
         }

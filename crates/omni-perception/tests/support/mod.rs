@@ -237,7 +237,7 @@ pub fn segment(scene: &Scene, image: &[usize], camera: &Equirectangular, bleed_p
         }
         if rows.contains(&true) {
             let rle = Rle::from_rows(camera.width_px, camera.height_px, &rows).expect("whole image");
-            masks.push(Mask { rle, label: (*name).into(), score: 0.8, caption: format!("a {name}") });
+            masks.push(Mask { caption: format!("a {name}"), ..Mask::new(rle, *name, 0.8) });
         }
     }
     masks
@@ -285,3 +285,5 @@ impl Moment {
         MaskedPanorama { stamp: Stamp(0), masks: self.masks.clone(), image: None }
     }
 }
+
+pub mod drive;

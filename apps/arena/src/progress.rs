@@ -1,0 +1,51 @@
+//! Progress on stderr: a line that moves on a terminal, a line per piece of news in a file or a pipe.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Where progress is shown. Nothing of it ever reaches stdout.
+#[derive(Debug)]
+pub struct ProgressView {
+    bar: ProgressBar,
+    is_quiet: bool,
+    is_terminal: bool,
+}
+
+impl ProgressView {
+    /// A view in the style of an indicatif template over `length` steps; `is_quiet` shows nothing.
+    pub fn new(length: u64, template: &str, is_quiet: bool) -> ProgressView {
+        let is_terminal = std::io::stderr().is_terminal();
+        let bar = if is_quiet || !is_terminal { ProgressBar::hidden() } else { ProgressBar::new(length) };
+        bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        if is_terminal && !is_quiet {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
+        ProgressView { bar, is_quiet, is_terminal }
+    }
+
+    /// How far it is, and in words. Without a terminal only `is_news` is written.
+    pub fn show(&self, position: u64, line: &str, is_news: bool) {
+        if self.is_terminal {
+            self.bar.set_position(position);
+            self.bar.set_message(line.to_owned());
+        } else if is_news {
+            self.say(line);
+        }
+    }
+
+    /// A line that stays.
+    pub fn say(&self, line: &str) {
+        match (self.is_quiet, self.is_terminal) {
+            (true, _) => {}
+            (false, true) => self.bar.println(line),
+            (false, false) => eprintln!("{line}"),
+        }
+    }
+
+    /// Takes the moving line away.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

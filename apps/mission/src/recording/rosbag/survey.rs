@@ -1,0 +1,256 @@
+//! The first look at a bag: which topics to read, in which frames, and how their points tell the time.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::BagOptions;
+use super::error::BagError;
+use super::frames::StaticFrames;
+use super::mcap_stream::{McapStream, Message};
+use super::point_cloud::{range_of, time_field};
+use super::point_times::{PointTimes, ScanTimes};
+use super::ros_messages::{CompressedImage, Header, Imu, JointState, PointCloud2, RosMessage, TfMessage, decode};
+
+/// Scans of a topic that decide about its times.
+const SCANS: usize = 5;
+/// IMU samples that decide about its unit.
+const IMU_SAMPLES: usize = 50;
+/// Messages and bytes after which the look ends whatever is still missing.
+const MESSAGES: usize = 20_000;
+const BYTES: usize = 256 << 20;
+
+/// What a bag holds, as far as its beginning shows.
+#[derive(Debug, Default)]
+pub(super) struct Survey {
+    pub(super) frames: StaticFrames,
+    clouds: BTreeMap<String, CloudTopic>,
+    imus: BTreeMap<String, ImuTopic>,
+    joints: BTreeMap<String, JointTopic>,
+    images: BTreeMap<String, String>,
+    /// Every topic with its type.
+    topics: BTreeMap<String, String>,
+}
+
+#[derive(Debug)]
+struct CloudTopic {
+    frame: String,
+    fields: Vec<String>,
+    time_field: Option<String>,
+    scans: Vec<ScanTimes>,
+}
+
+#[derive(Debug)]
+struct ImuTopic {
+    frame: String,
+    /// Lengths of the first specific forces.
+    forces: Vec<f64>,
+}
+
+#[derive(Debug)]
+struct JointTopic {
+    frame: String,
+    names: Vec<String>,
+}
+
+/// The topics of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Chosen {
+    pub(super) points: String,
+    pub(super) points_frame: String,
+    pub(super) times: Option<PointTimes>,
+    pub(super) imu: String,
+    pub(super) imu_frame: String,
+    /// Factor from the unit of the accelerometer to m/s^2.
+    pub(super) force_unit_mps2: f64,
+    /// Topic, frame of the stator, and name of the joint (empty where messages carry no names).
+    pub(super) encoder: Option<(String, String, String)>,
+    /// Topic and frame.
+    pub(super) image: Option<(String, String)>,
+}
+
+impl Survey {
+    /// Reads from the start of the bag until everything is known that its topics can tell.
+    pub(super) fn of(stream: &mut McapStream) -> Result<Survey, BagError> {
+        let mut survey = Survey::default();
+        let (mut messages, mut bytes) = (0, 0);
+        while messages < MESSAGES && bytes < BYTES {
+            let Some(message) = stream.next_message()? else { break };
+            (messages, bytes) = (messages + 1, bytes + message.payload.len());
+            survey.look_at(&message)?;
+            if messages % 100 == 0 && survey.is_enough() {
+                break;
+            }
+        }
+        Ok(survey)
+    }
+
+    /// Faults of single messages are for the reader that comes after; here they only teach nothing.
+    fn look_at(&mut self, message: &Message<'_>) -> Result<(), BagError> {
+        let topic = message.channel.topic.clone();
+        let kind = message.channel.message_type.as_str();
+        if !self.topics.contains_key(&topic) {
+            self.topics.insert(topic.clone(), kind.to_owned());
+        }
+        if kind == TfMessage::TYPE && topic.ends_with("tf_static") {
+            if let Ok(message) = decode::<TfMessage>(message.payload) {
+                self.frames.add(&message)?;
+            }
+        } else if kind == PointCloud2::TYPE {
+            if let Ok(cloud) = decode::<PointCloud2<'_>>(message.payload) {
+                self.look_at_cloud(topic, &cloud);
+            }
+        } else if kind == Imu::TYPE {
+            if let Ok(imu) = decode::<Imu>(message.payload) {
+                let known =
+                    self.imus.entry(topic).or_insert(ImuTopic { frame: imu.header.frame_id, forces: Vec::new() });
+                let force = imu.linear_acceleration;
+                if known.forces.len() < IMU_SAMPLES {
+                    known.forces.push(force.x.hypot(force.y).hypot(force.z));
+                }
+            }
+        } else if kind == JointState::TYPE {
+            if let Ok(state) = decode::<JointState>(message.payload) {
+                let frame = state.header.frame_id;
+                let known = self.joints.entry(topic).or_insert(JointTopic { frame, names: Vec::new() });
+                known.names.extend(state.name);
+                known.names.sort();
+                known.names.dedup();
+            }
+        } else if kind == CompressedImage::TYPE
+            && let Ok(image) = decode::<CompressedImage<'_>>(message.payload)
+        {
+            let Header { frame_id, .. } = image.header;
+            self.images.entry(topic).or_insert(frame_id);
+        }
+        Ok(())
+    }
+
+    fn look_at_cloud(&mut self, topic: String, cloud: &PointCloud2<'_>) {
+        let known = self.clouds.entry(topic).or_insert_with(|| CloudTopic {
+            frame: cloud.header.frame_id.clone(),
+            fields: cloud.fields.iter().map(|field| field.name.clone()).collect(),
+            time_field: time_field(cloud),
+            scans: Vec::new(),
+        });
+        if known.scans.len() < SCANS
+            && let Some(field) = &known.time_field
+            && let Ok(Some((min, max))) = range_of(cloud, field)
+        {
+            known.scans.push(ScanTimes { header: cloud.header.stamp, min, max });
+        }
+    }
+
+    fn is_enough(&self) -> bool {
+        let is_full = |cloud: &CloudTopic| cloud.scans.len() >= SCANS || cloud.time_field.is_none();
+        self.frames != StaticFrames::default()
+            && !self.clouds.is_empty()
+            && self.clouds.values().all(is_full)
+            && !self.imus.is_empty()
+            && self.imus.values().all(|imu| imu.forces.len() >= IMU_SAMPLES)
+    }
+
+    /// Chooses the topics.
+    pub(super) fn choose(&self, bag: &Path, options: &BagOptions) -> Result<Chosen, BagError> {
+        let imu = self.only(bag, Imu::TYPE, options.imu_topic.as_deref(), self.imus.keys().collect())?;
+        let imu_frame = self.imus[&imu].frame.clone();
+        let body = self.frames.body(&imu_frame)?;
+        let has_joints = !self.joints.is_empty();
+
+        // With an encoder at hand the turning cloud is the one to take: the other is made from it.
+        let mut clouds: Vec<&String> = self.clouds.keys().collect();
+        if clouds.len() > 1 && has_joints {
+            let mut turning = Vec::new();
+            for (topic, cloud) in &self.clouds {
+                if self.frames.pose(body, &cloud.frame)?.is_none() {
+                    turning.push(topic);
+                }
+            }
+            if turning.len() == 1 {
+                clouds = turning;
+            }
+        }
+        let points = self.only(bag, PointCloud2::TYPE, options.points_topic.as_deref(), clouds)?;
+        let cloud = &self.clouds[&points];
+        let times = match (&cloud.time_field, options.are_point_times_needed) {
+            (_, false) => None,
+            (Some(field), true) if !cloud.scans.is_empty() => Some(PointTimes::decide(&points, field, &cloud.scans)?),
+            // Not one scan with a point in it.
+            (Some(_), true) => None,
+            (None, true) => {
+                return Err(BagError::NoTimeField { topic: points, fields: cloud.fields.clone() });
+            }
+        };
+        let is_turning = match options.rig {
+            Some(rig) => rig.is_rotating,
+            None => has_joints && self.frames.pose(body, &cloud.frame)?.is_none(),
+        };
+        let encoder = if is_turning { Some(self.encoder(bag, options)?) } else { None };
+        let image = match (&options.image_topic, self.images.len()) {
+            (Some(topic), _) => self.images.get_key_value(topic),
+            (None, 1) => self.images.first_key_value(),
+            (None, _) => None,
+        };
+        Ok(Chosen {
+            points_frame: cloud.frame.clone(),
+            points,
+            times,
+            force_unit_mps2: force_unit_mps2(&self.imus[&imu].forces),
+            imu,
+            imu_frame,
+            encoder,
+            image: image.map(|(topic, frame)| (topic.clone(), frame.clone())),
+        })
+    }
+
+    fn encoder(&self, bag: &Path, options: &BagOptions) -> Result<(String, String, String), BagError> {
+        let topic = self.only(bag, JointState::TYPE, options.encoder_topic.as_deref(), self.joints.keys().collect())?;
+        let joints = &self.joints[&topic];
+        let named: Vec<&String> = joints
+            .names
+            .iter()
+            .filter(|name| name.to_lowercase().contains("lidar") || name.to_lowercase().contains("motor"))
+            .collect();
+        let name = match (&joints.names[..], &named[..]) {
+            ([], _) => String::new(),
+            ([single], _) => single.clone(),
+            (_, [single]) => (*single).clone(),
+            _ => return Err(BagError::Joints { topic, found: joints.names.clone() }),
+        };
+        Ok((topic, joints.frame.clone(), name))
+    }
+
+    /// The topic that was asked for, or the only one.
+    fn only(
+        &self,
+        bag: &Path,
+        wanted: &'static str,
+        asked: Option<&str>,
+        mut candidates: Vec<&String>,
+    ) -> Result<String, BagError> {
+        if let Some(asked) = asked {
+            candidates.retain(|topic| *topic == asked);
+        }
+        match &candidates[..] {
+            [single] => Ok((*single).clone()),
+            [] => Err(BagError::NoTopic {
+                path: bag.to_path_buf(),
+                wanted,
+                found: self.topics.iter().map(|(topic, kind)| format!("{topic} ({kind})")).collect(),
+            }),
+            several => Err(BagError::SeveralTopics {
+                path: bag.to_path_buf(),
+                wanted,
+                found: several.iter().map(|topic| (*topic).clone()).collect(),
+            }),
+        }
+    }
+}
+
+/// Some drivers give the specific force in multiples of gravity: at rest or in gentle motion its length is then about one.
+fn force_unit_mps2(lengths: &[f64]) -> f64 {
+    const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
+    let mut lengths = lengths.to_vec();
+    lengths.sort_by(f64::total_cmp);
+    let median = lengths.get(lengths.len() / 2).copied().unwrap_or(STANDARD_GRAVITY_MPS2);
+    if (0.7..1.4).contains(&median) { STANDARD_GRAVITY_MPS2 } else { 1.0 }
+}
