@@ -16,7 +16,7 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
-use crate::ray::{RayWalk, fixed, floor};
+use crate::ray::{RayWalk, fixed};
 use crate::returns::{LANES, Returns};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
@@ -39,6 +39,19 @@ pub struct IntegrationReport {
     pub new_blocks: usize,
     /// Blocks that could not be made because the volume is full.
     pub refused_blocks: usize,
+}
+
+impl std::ops::AddAssign for IntegrationReport {
+    fn add_assign(&mut self, other: Self) {
+        self.integrated += other.integrated;
+        self.non_finite += other.non_finite;
+        self.too_near += other.too_near;
+        self.beyond_range += other.beyond_range;
+        self.clearing_rays += other.clearing_rays;
+        self.cleared_voxels += other.cleared_voxels;
+        self.new_blocks += other.new_blocks;
+        self.refused_blocks += other.refused_blocks;
+    }
 }
 
 /// A scan that cannot be integrated at all.
@@ -101,6 +114,7 @@ impl Volume {
             return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
         self.revision += 1;
+        self.scans = self.scans.wrapping_add(1);
         let blocks_before = self.blocks.len();
         let mut scan = Scan {
             report: IntegrationReport::default(),
@@ -140,7 +154,7 @@ impl Volume {
                 }
                 let (direction, end) = (returns.direction(lane), returns.end(lane));
                 let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
-                let phase = checker.wrapping_add(self.revision);
+                let phase = checker.wrapping_add(self.scans);
                 // The usual turns are powers of two; a division for each point is felt.
                 let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
                 if range > far {

@@ -53,7 +53,8 @@
 //! 4. [`distance_field`] is the same exact transform in three dimensions, kept up to date line by line; [`sight`] walks through it (Eq. 6).
 //! 5. [`mesh`] makes surface nets per changed block; [`ply`] writes and reads them, and the points of clouds.
 //! 6. [`places`] floods free space from wide to narrow (a watershed on the Voronoi ridges): places, edges, stable ids, frontiers.
-//! 7. [`store`] saves and loads the volume.
+//! 7. [`store`] saves and loads the volume; [`archive`] bounds it to a box round the robot and gives back what left it; [`scan_log`] makes
+//!    it again after the trajectory was corrected.
 //!
 //! # Conventions
 //! World frame, z up, metres. Occupied voxels stick out of the true surface by less than one voxel (the threshold is a quarter of a voxel
@@ -62,8 +63,8 @@
 //! gives empty output. The same sequence of calls gives the same bytes; nothing depends on threads or hash order.
 //!
 //! # What it does not do
-//! It knows no robot, no rooms, no objects; it does not estimate poses or move what was integrated (a corrected trajectory means integrating
-//! again); it opens no file and starts no thread. The distance field is to obstacles on both sides of a wall alike: it has no sign.
+//! It knows no robot, no rooms, no objects; it does not estimate poses or bend what was integrated (a corrected trajectory means integrating
+//! the scans of a [`ScanLog`] again); it opens no file and starts no thread. The distance field is to obstacles on both sides of a wall alike: it has no sign.
 //!
 //! # References
 //! B. Curless, M. Levoy, "A volumetric method for building complex models from range images", SIGGRAPH 1996. J. Amanatides, A. Woo, "A fast
@@ -72,6 +73,7 @@
 //! "Efficient grid-based spatial representations for robot navigation in dynamic environments", RAS 2013. N. Hughes et al., "Foundations of spatial
 //! perception for robotics", IJRR 2024 (places).
 
+pub mod archive;
 mod block;
 pub mod config;
 pub mod distance_field;
@@ -86,22 +88,26 @@ pub mod ply;
 mod ray;
 mod recent;
 mod returns;
+pub mod scan_log;
 pub mod sight;
 mod slice;
 pub mod store;
 mod stride;
 pub mod volume;
+mod votes;
 mod watershed;
 
+pub use archive::{RestoreError, RestoreReport};
 pub use block::BlockKey;
 pub use config::{ConfigError, VolumeConfig};
 pub use distance_field::{DistanceField, UpdateReport};
 pub use integrate::{IntegrationError, IntegrationReport};
-pub use mesh::{Mesh, MeshDelta};
+pub use mesh::{Mesh, MeshDelta, MeshPatch, VertexId};
 pub use occupancy_grid::{OccupancyGrid, clearance, fill_islands};
 pub use places::{Place, PlaceConfig, PlaceConfigError, PlaceEdge, PlaceEvent, PlaceGraph, PlaceId};
 pub use ply::PlyError;
 pub use ply::points::read_ply_points;
+pub use scan_log::{ScanLog, ScanLogError};
 pub use sight::LineOfSight;
 pub use store::LoadError;
 pub use volume::{Cell, Volume};

@@ -2,12 +2,14 @@
 //!
 //! A cell is the cube between eight neighbouring voxel centres. A cell whose corners lie on both sides of the surface gets one
 //! vertex, the mean of the crossings on its twelve edges. Every voxel edge that crosses the surface gives one quad between
-//! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks.
+//! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks, and a vertex is
+//! named by its cell: the name stays as long as the surface runs through the cell.
 
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
 use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
+use crate::stride::voxel_of;
 use crate::volume::Volume;
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
@@ -17,6 +19,8 @@ pub struct Mesh {
     pub vertices: Vec<Point3<f32>>,
     /// Label of each vertex, 0 = none.
     pub labels: Vec<u16>,
+    /// Instance of each vertex, 0 = none; empty if the mesh knows no instances.
+    pub instances: Vec<u16>,
     /// Three vertex numbers a triangle.
     pub faces: Vec<[u32; 3]>,
 }
@@ -32,6 +36,24 @@ pub struct MeshDelta {
     pub vertices: usize,
     /// Triangles of the whole mesh.
     pub faces: usize,
+}
+
+/// Name of a vertex: the first voxel of its cell. It stays while the surface stays within the cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VertexId(pub [i32; 3]);
+
+/// What one block adds to the mesh, by names: for those who keep the mesh and take over what an update changed.
+///
+/// Put the patches of [`MeshDelta::updated`] in the place of the old ones and drop those of [`MeshDelta::removed`]; then the mesh is all
+/// vertices, and all faces whose three corners exist.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeshPatch {
+    /// Names of the vertices, ascending within a layer of cells.
+    pub ids: Vec<VertexId>,
+    /// Positions, labels and instances of the vertices (no faces).
+    pub vertices: Mesh,
+    /// Corners of triangles, some of them in neighbouring blocks.
+    pub faces: Vec<[VertexId; 3]>,
 }
 
 impl Volume {
@@ -52,11 +74,16 @@ impl Volume {
 
     fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
         let mut stale = self.stale_blocks(tolerance, since);
+        stale.extend(self.mesh_cache.waiting.drain(..));
         stale.sort_unstable();
         stale.dedup();
         let mut delta = MeshDelta::default();
         let mut part = MeshPart::default();
         for key in stale {
+            if self.reaches_archive(key) {
+                self.mesh_cache.waiting.push(key);
+                continue;
+            }
             self.fill_part(key, &mut part);
             if part.cells.is_empty() && part.quads.is_empty() {
                 if self.mesh_cache.remove(key) {
@@ -74,7 +101,13 @@ impl Volume {
         delta
     }
 
-    /// Makes the whole mesh anew.
+    /// Whether some of the voxels that a block's cells touch are kept elsewhere: then its part of the mesh stays as it is.
+    fn reaches_archive(&self, key: BlockKey) -> bool {
+        let corner = |k: i32| key.offset(k & 1, k >> 1 & 1, k >> 2);
+        !self.archived.is_empty() && (0..8).any(|k| self.archived.contains(&corner(k).packed()))
+    }
+
+    /// Makes the whole mesh anew, of what is in memory.
     pub fn rebuild_mesh(&mut self) -> MeshDelta {
         self.mesh_cache = MeshCache::default();
         self.complete_mesh()
@@ -86,11 +119,13 @@ impl Volume {
         ranks.sort_unstable_by_key(|rank| self.mesh_cache.parts[*rank].0);
         let mut first_vertex = vec![0u32; ranks.len()];
         let mut mesh = Mesh::default();
+        mesh.vertices.reserve(self.mesh_cache.vertices);
+        mesh.faces.reserve(2 * self.mesh_cache.quads);
         for rank in &ranks {
             let part = &self.mesh_cache.parts[*rank].1;
             first_vertex[*rank] = mesh.vertices.len() as u32;
             mesh.vertices.extend_from_slice(&part.vertices);
-            mesh.labels.extend_from_slice(&part.labels);
+            mesh.push_tags(&part.tags);
         }
         for rank in &ranks {
             let (key, part) = &self.mesh_cache.parts[*rank];
@@ -117,13 +152,38 @@ impl Volume {
                 *number.entry((rank, slot)).or_insert_with(|| {
                     let source = &self.mesh_cache.parts[rank].1;
                     mesh.vertices.push(source.vertices[slot]);
-                    mesh.labels.push(source.labels[slot]);
+                    mesh.push_tags(&source.tags[slot..=slot]);
                     mesh.vertices.len() as u32 - 1
                 })
             });
             mesh.faces.extend(split(corners));
         }
         Some(mesh)
+    }
+
+    /// The patch of one block, see [`MeshPatch`]; `None` if it has no part of the mesh.
+    pub fn mesh_patch(&self, key: BlockKey) -> Option<MeshPatch> {
+        let rank = *self.mesh_cache.rank.get(&key.packed())?;
+        let part = &self.mesh_cache.parts[rank].1;
+        let mut patch = MeshPatch::default();
+        patch.vertices.vertices.extend_from_slice(&part.vertices);
+        patch.vertices.push_tags(&part.tags);
+        patch.ids.extend(part.cells.iter().map(|cell| VertexId(voxel_of(key, u32::from(*cell)))));
+        for quad in &part.quads {
+            patch.faces.extend(split(quad.cells(key).map(VertexId)));
+        }
+        Some(patch)
+    }
+
+    /// Names of the vertices of [`mesh`](Self::mesh), in its order.
+    pub fn vertex_ids(&self) -> Vec<VertexId> {
+        let mut ids = Vec::with_capacity(self.mesh_cache.vertices);
+        let mut parts: Vec<_> = self.mesh_cache.parts.iter().collect();
+        parts.sort_unstable_by_key(|(key, _)| *key);
+        for (key, part) in parts {
+            ids.extend(part.cells.iter().map(|cell| VertexId(voxel_of(*key, u32::from(*cell)))));
+        }
+        ids
     }
 
     /// Blocks to mesh again: the changed ones, and those on their negative sides whose cells reach to a changed voxel.
@@ -187,7 +247,7 @@ impl Volume {
                     };
                     part.cells.push((x + 8 * y + 64 * z) as u16);
                     part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.labels.push(if has_votes { cell_label(&corner_blocks, [x, y, z]) } else { 0 });
+                    part.tags.push(if has_votes { cell_tag(&corner_blocks, [x, y, z]) } else { (0, 0) });
                 }
             }
         }
@@ -200,31 +260,35 @@ impl Volume {
 
     /// (part, slot in the part) of a quad's four cells; `None` if one of them has no vertex (it touches unknown voxels).
     fn quad_cells(&self, key: BlockKey, quad: &Quad) -> Option<[(usize, usize); 4]> {
-        let first = key.first_voxel();
-        let axis = usize::from(quad.axis);
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut corners = [(0, 0); 4];
-        for (corner, (du, dv)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
-            let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(quad.voxel[a]));
-            cell[u] -= 1 - du;
-            cell[v] -= 1 - dv;
+        for (corner, cell) in corners.iter_mut().zip(quad.cells(key)) {
             let rank = *self.mesh_cache.rank.get(&BlockKey::of_voxel(cell).packed())?;
             let slot = self.mesh_cache.parts[rank].1.cells.binary_search(&(local_of(cell) as u16)).ok()?;
-            corners[corner] = (rank, slot);
-        }
-        if quad.flip {
-            corners.reverse();
+            *corner = (rank, slot);
         }
         Some(corners)
     }
 }
 
-/// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
-fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
-    let mut labels = [0u16; 8];
+impl Mesh {
+    /// Labels and instances of the vertices pushed last.
+    fn push_tags(&mut self, tags: &[(u16, u16)]) {
+        if tags.iter().any(|(_, instance)| *instance != 0) {
+            self.instances.resize(self.labels.len(), 0);
+        }
+        self.labels.extend(tags.iter().map(|(label, _)| *label));
+        if !self.instances.is_empty() || tags.iter().any(|(_, instance)| *instance != 0) {
+            self.instances.extend(tags.iter().map(|(_, instance)| *instance));
+        }
+    }
+}
+
+/// Label and instance with the most votes among the eight voxels of a cell; ties to the smaller.
+fn cell_tag(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> (u16, u16) {
+    let mut tags = [(0u16, 0u16); 8];
     let mut counts = [0u8; 8];
     let mut is_unanimous = true;
-    let mut first = 0;
+    let mut first = (0, 0);
     for corner in 0..8usize {
         let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
         let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
@@ -233,23 +297,24 @@ fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
         };
         let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
         if votes.count[i] > 0 {
-            (labels[corner], counts[corner]) = (votes.label[i], votes.count[i]);
-            is_unanimous &= first == 0 || first == votes.label[i];
-            first = votes.label[i];
+            tags[corner] = (votes.label[i], votes.instance_at(i));
+            counts[corner] = votes.count[i];
+            is_unanimous &= first.0 == 0 || first == tags[corner];
+            first = tags[corner];
         }
     }
     // Nearly everywhere.
     if is_unanimous {
         return first;
     }
-    let tally = |label: u16| -> u32 {
-        labels.iter().zip(counts).filter(|(other, _)| **other == label).map(|(_, count)| u32::from(count)).sum()
+    let tally = |tag: (u16, u16)| -> u32 {
+        tags.iter().zip(counts).filter(|(other, _)| **other == tag).map(|(_, count)| u32::from(count)).sum()
     };
-    let voted = labels.into_iter().filter(|label| *label != 0);
-    voted.max_by_key(|label| (tally(*label), std::cmp::Reverse(*label))).unwrap_or(0)
+    let voted = tags.into_iter().filter(|tag| tag.0 != 0);
+    voted.max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag))).unwrap_or((0, 0))
 }
 
-fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
+fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
 
@@ -350,12 +415,32 @@ struct Quad {
     flip: bool,
 }
 
+impl Quad {
+    /// The four cells round the edge, counter-clockwise from free space.
+    fn cells(&self, key: BlockKey) -> [[i32; 3]; 4] {
+        let first = key.first_voxel();
+        let axis = usize::from(self.axis);
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut cells = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(du, dv)| {
+            let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(self.voxel[a]));
+            cell[u] -= 1 - du;
+            cell[v] -= 1 - dv;
+            cell
+        });
+        if self.flip {
+            cells.reverse();
+        }
+        cells
+    }
+}
+
 /// One block's cells, ascending, and quads.
 #[derive(Debug, Clone, Default)]
 struct MeshPart {
     cells: Vec<u16>,
     vertices: Vec<Point3<f32>>,
-    labels: Vec<u16>,
+    /// Label and instance.
+    tags: Vec<(u16, u16)>,
     quads: Vec<Quad>,
 }
 
@@ -363,7 +448,7 @@ impl MeshPart {
     fn clear(&mut self) {
         self.cells.clear();
         self.vertices.clear();
-        self.labels.clear();
+        self.tags.clear();
         self.quads.clear();
     }
 }
@@ -374,11 +459,18 @@ struct Shape {
     known: [u64; 8],
     distance: [i16; BLOCK_VOXELS],
     label: Option<Box<[u16; BLOCK_VOXELS]>>,
+    instance: Option<Box<[u16; BLOCK_VOXELS]>>,
 }
 
 impl Shape {
     fn of(block: &Block) -> Self {
-        Self { known: block.known, distance: block.distance, label: block.votes.as_ref().map(|v| Box::new(v.label)) }
+        let votes = block.votes.as_ref();
+        Self {
+            known: block.known,
+            distance: block.distance,
+            label: votes.map(|votes| Box::new(votes.label)),
+            instance: votes.and_then(|votes| votes.instance.clone()),
+        }
     }
 
     /// Takes the distances of some voxels from an older shape.
@@ -408,12 +500,17 @@ impl Shape {
                 }
             }
         }
-        let votes = block.votes.as_ref().map(|votes| &votes.label);
         let none = [0; BLOCK_VOXELS];
-        let (old, new) = (self.label.as_deref().unwrap_or(&none), votes.unwrap_or(&none));
-        if old != new {
-            for (local, (old, new)) in old.iter().zip(new).enumerate() {
-                moved[local >> 6] |= u64::from(old != new) << (local & 63);
+        let votes = block.votes.as_ref();
+        for (old, new) in [
+            (self.label.as_deref(), votes.map(|votes| &votes.label)),
+            (self.instance.as_deref(), votes.and_then(|votes| votes.instance.as_deref())),
+        ] {
+            let (old, new) = (old.unwrap_or(&none), new.unwrap_or(&none));
+            if old != new {
+                for (local, (old, new)) in old.iter().zip(new).enumerate() {
+                    moved[local >> 6] |= u64::from(old != new) << (local & 63);
+                }
             }
         }
         moved
@@ -441,6 +538,8 @@ pub(crate) struct MeshCache {
     parts: Vec<(BlockKey, MeshPart)>,
     rank: FxHashMap<u64, usize>,
     shape: FxHashMap<u64, Box<Shape>>,
+    /// Blocks to mesh again when their neighbours are back from the archive.
+    waiting: Vec<BlockKey>,
 }
 
 impl MeshCache {

@@ -204,8 +204,8 @@ mod volume {
         assert!(matches!(Volume::load(&b"hello"[..]), Err(LoadError::NotAVolume)));
         let mut bytes = bytes_of(&Volume::new(VolumeConfig::default()).unwrap());
         assert_eq!(Volume::load(&bytes[..]).unwrap().block_count(), 0);
-        bytes[8] = 2;
-        assert!(matches!(Volume::load(&bytes[..]), Err(LoadError::NewerVersion { found: 2, supported: 1 })));
+        bytes[8] = 3;
+        assert!(matches!(Volume::load(&bytes[..]), Err(LoadError::NewerVersion { found: 3, supported: 2 })));
     }
 
     #[test]
