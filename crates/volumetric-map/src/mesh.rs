@@ -5,10 +5,12 @@
 //! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks, and a vertex is
 //! named by its cell: the name stays as long as the surface runs through the cell.
 
+use std::collections::hash_map::Entry;
+
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
 use crate::stride::voxel_of;
 use crate::volume::Volume;
 
@@ -192,11 +194,12 @@ impl Volume {
         let mut stale = Vec::new();
         let changed = self.recent.iter().map(|id| &self.blocks[id as usize]);
         for block in changed.take_while(|block| block.newest_revision() > since) {
-            let moved = match cache.shape.get(&block.key.packed()) {
-                Some(shape) => shape.moved(block, tolerance),
-                None if block.near_surface == [0; 8] => continue,
-                None => ALL_VOXELS,
+            let shape = match cache.shape.entry(block.key.packed()) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(_) if block.near_surface == [0; 8] => continue,
+                Entry::Vacant(entry) => entry.insert(Box::new(Shape::NONE)),
             };
+            let moved = shape.moved(block, tolerance);
             if moved == [0; 8] {
                 continue;
             }
@@ -212,11 +215,7 @@ impl Volume {
                     kept[..layers].iter_mut().for_each(|layer| *layer |= reached);
                 }
             }
-            let mut shape = Shape::of(block);
-            if let Some(old) = cache.shape.get(&block.key.packed()) {
-                shape.keep(&kept, old);
-            }
-            cache.shape.insert(block.key.packed(), Box::new(shape));
+            shape.take(block, &kept);
         }
         stale
     }
@@ -228,9 +227,10 @@ impl Volume {
         let Some(patch) = Patch::of(&corner_blocks) else {
             return;
         };
-        let voxel = self.config.voxel_m;
+        let voxel = self.config.voxel_m as f32;
+        // The first voxel's centre, rounded once.
+        let base = key.first_voxel().map(|v| ((f64::from(v) + 0.5) * self.config.voxel_m) as f32);
         let has_votes = corner_blocks.iter().flatten().any(|block| block.votes.is_some());
-        let first = key.first_voxel();
         for z in 0..8usize {
             for y in 0..8usize {
                 let (cells, edges) = patch.crossings(y, z);
@@ -242,12 +242,10 @@ impl Volume {
                 }
                 for x in ones(cells) {
                     let offset = patch.cell_vertex(x + 9 * y + 81 * z);
-                    let at = |axis: usize, local: usize| {
-                        ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
-                    };
+                    let at = |axis: usize, local: usize| base[axis] + (local as f32 + offset[axis]) * voxel;
                     part.cells.push((x + 8 * y + 64 * z) as u16);
                     part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.tags.push(if has_votes { cell_tag(&corner_blocks, [x, y, z]) } else { (0, 0) });
+                    part.tags.push(if has_votes { cell_tag(&corner_blocks, [x, y, z], offset) } else { (0, 0) });
                 }
             }
         }
@@ -283,35 +281,22 @@ impl Mesh {
     }
 }
 
-/// Label and instance with the most votes among the eight voxels of a cell; ties to the smaller.
-fn cell_tag(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> (u16, u16) {
-    let mut tags = [(0u16, 0u16); 8];
-    let mut counts = [0u8; 8];
-    let mut is_unanimous = true;
-    let mut first = (0, 0);
-    for corner in 0..8usize {
-        let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
-        let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
-        let Some(votes) = block.and_then(|b| b.votes.as_ref()) else {
-            continue;
-        };
-        let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
-        if votes.count[i] > 0 {
-            tags[corner] = (votes.label[i], votes.instance_at(i));
-            counts[corner] = votes.count[i];
-            is_unanimous &= first.0 == 0 || first == tags[corner];
-            first = tags[corner];
-        }
-    }
-    // Nearly everywhere.
-    if is_unanimous {
-        return first;
-    }
-    let tally = |tag: (u16, u16)| -> u32 {
-        tags.iter().zip(counts).filter(|(other, _)| **other == tag).map(|(_, count)| u32::from(count)).sum()
+/// Label and instance of a cell's vertex: what leads in the voxel nearest to it, or where nobody voted on that one, what has the most
+/// votes among the eight voxels of the cell; ties to the smaller.
+fn cell_tag(blocks: &[Option<&Block>; 8], cell: [usize; 3], offset: [f32; 3]) -> (u16, u16) {
+    let vote_of = |corner: [usize; 3]| {
+        let at = [cell[0] + corner[0], cell[1] + corner[1], cell[2] + corner[2]];
+        let votes = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2]?.votes.as_ref()?;
+        let local = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
+        votes.leader(local).map(|tag| (tag, u32::from(votes.count[local])))
     };
-    let voted = tags.into_iter().filter(|tag| tag.0 != 0);
-    voted.max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag))).unwrap_or((0, 0))
+    if let Some((tag, _)) = vote_of(offset.map(|part| usize::from(part > 0.5))) {
+        return tag;
+    }
+    let votes: [_; 8] = std::array::from_fn(|k| vote_of([k & 1, k >> 1 & 1, k >> 2]));
+    let tally = |tag| votes.iter().flatten().filter(|vote| vote.0 == tag).map(|vote| vote.1).sum::<u32>();
+    let best = votes.iter().flatten().map(|vote| vote.0).max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag)));
+    best.unwrap_or((0, 0))
 }
 
 fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
@@ -339,6 +324,9 @@ impl Patch {
     /// none of the voxels lies inside something.
     fn of(blocks: &[Option<&Block>; 8]) -> Option<Self> {
         blocks[0]?;
+        if blocks.iter().flatten().all(|block| block.near_surface == [0; 8]) {
+            return None;
+        }
         let mut patch = Self { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
         for (corner, block) in blocks.iter().enumerate() {
             let Some(block) = block else { continue };
@@ -390,21 +378,29 @@ impl Patch {
     fn cell_vertex(&self, base: usize) -> [f32; 3] {
         let d: [f32; 8] =
             std::array::from_fn(|k| f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)]));
-        let mut sum = [0f32; 3];
-        let mut crossings = 0f32;
-        for axis in 0..3 {
-            for a in (0..8usize).filter(|a| a >> axis & 1 == 0) {
-                let b = a | 1 << axis;
-                if (d[a] < 0.0) == (d[b] < 0.0) {
-                    continue;
-                }
-                for (other, value) in sum.iter_mut().enumerate() {
-                    *value += if other == axis { d[a] / (d[a] - d[b]) } else { (a >> other & 1) as f32 };
-                }
-                crossings += 1.0;
+        // The four edges of an axis together, without branches: selections of four lanes each.
+        let along = |first: [usize; 4], step: usize| {
+            let mut crossing = [0f32; 4];
+            let mut at = [0f32; 4];
+            for (lane, a) in first.into_iter().enumerate() {
+                let (a, b) = (d[a], d[a + step]);
+                let is_crossing = (a < 0.0) != (b < 0.0);
+                crossing[lane] = if is_crossing { 1.0 } else { 0.0 };
+                at[lane] = if is_crossing { a / (a - b) } else { 0.0 };
             }
-        }
-        sum.map(|s| s / crossings)
+            (crossing, at)
+        };
+        // Corner k lies at (k & 1, k >> 1 & 1, k >> 2): of the edges along an axis the lanes run over the other two.
+        let (cx, x) = along([0, 2, 4, 6], 1);
+        let (cy, y) = along([0, 1, 4, 5], 2);
+        let (cz, z) = along([0, 1, 2, 3], 4);
+        let sum = |v: [f32; 4]| (v[0] + v[1]) + (v[2] + v[3]);
+        let scale = 1.0 / (sum(cx) + sum(cy) + sum(cz));
+        [
+            (sum(x) + (cy[1] + cy[3]) + (cz[1] + cz[3])) * scale,
+            (sum(y) + (cx[1] + cx[3]) + (cz[2] + cz[3])) * scale,
+            (sum(z) + (cx[2] + cx[3]) + (cy[2] + cy[3])) * scale,
+        ]
     }
 }
 
@@ -456,32 +452,41 @@ impl MeshPart {
 /// What a block looked like when it was last meshed.
 #[derive(Debug, Clone)]
 struct Shape {
-    known: [u64; 8],
+    known: VoxelSet,
+    /// Where the distance may be small.
+    near_surface: VoxelSet,
     distance: [i16; BLOCK_VOXELS],
     label: Option<Box<[u16; BLOCK_VOXELS]>>,
     instance: Option<Box<[u16; BLOCK_VOXELS]>>,
 }
 
 impl Shape {
-    fn of(block: &Block) -> Self {
-        let votes = block.votes.as_ref();
-        Self {
-            known: block.known,
-            distance: block.distance,
-            label: votes.map(|votes| Box::new(votes.label)),
-            instance: votes.and_then(|votes| votes.instance.clone()),
-        }
-    }
+    /// Of a block that was never meshed: every known voxel is new.
+    const NONE: Self =
+        Self { known: [0; 8], near_surface: [0; 8], distance: [0; BLOCK_VOXELS], label: None, instance: None };
 
-    /// Takes the distances of some voxels from an older shape.
-    fn keep(&mut self, voxels: &VoxelSet, old: &Self) {
-        for (z, layer) in voxels.iter().enumerate() {
-            let mut rest = *layer;
+    /// Takes over what the block looks like now, except for the distances of some voxels.
+    fn take(&mut self, block: &Block, kept: &VoxelSet) {
+        for (z, kept) in kept.iter().enumerate() {
+            let layer = 64 * z..64 * z + 64;
+            let mut old = [0; 64];
+            old.copy_from_slice(&self.distance[layer.clone()]);
+            self.distance[layer].copy_from_slice(&block.distance[64 * z..][..64]);
+            let mut rest = *kept;
             while rest != 0 {
-                let local = 64 * z + rest.trailing_zeros() as usize;
+                let local = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                self.distance[local] = old.distance[local];
+                self.distance[64 * z + local] = old[local];
             }
+            self.near_surface[z] = block.near_surface[z] | self.near_surface[z] & *kept;
+        }
+        self.known = block.known;
+        if let Some(votes) = &block.votes {
+            match &mut self.label {
+                Some(label) => label.copy_from_slice(&votes.label),
+                None => self.label = Some(Box::new(votes.label)),
+            }
+            self.instance.clone_from(&votes.instance);
         }
     }
 
@@ -489,6 +494,9 @@ impl Shape {
     fn moved(&self, block: &Block, tolerance: &Tolerance) -> VoxelSet {
         let mut moved: VoxelSet = std::array::from_fn(|z| self.known[z] ^ block.known[z]);
         for (z, moved) in moved.iter_mut().enumerate() {
+            if tolerance.moved > 0 && self.near_surface[z] | block.near_surface[z] == 0 {
+                continue;
+            }
             let (old, new) = (&self.distance[64 * z..][..64], &block.distance[64 * z..][..64]);
             // Only near the surface: a voxel far from it that changes moves no vertex.
             let is_moved = |(a, b): (&i16, &i16)| {

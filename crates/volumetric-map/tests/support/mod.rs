@@ -162,6 +162,8 @@ pub struct Lidar {
     pub noise_m: f64,
     pub tilt_rad: f64,
     pub motor_radps: f64,
+    /// Between the lowest and the highest ring.
+    pub fov_rad: f64,
     rng: ChaCha8Rng,
     scans: u32,
 }
@@ -174,6 +176,7 @@ impl Lidar {
             noise_m,
             tilt_rad: 30f64.to_radians(),
             motor_radps: std::f64::consts::PI,
+            fov_rad: 45f64.to_radians(),
             rng: ChaCha8Rng::seed_from_u64(seed),
             scans: 0,
         }
@@ -193,11 +196,10 @@ impl Lidar {
         let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
         self.scans += 1;
         let mut points = Vec::with_capacity(self.rings * self.columns);
-        let fov = 45f64.to_radians();
         for column in 0..self.columns {
             let azimuth = std::f64::consts::TAU * column as f64 / self.columns as f64;
             for ring in 0..self.rings {
-                let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * fov;
+                let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * self.fov_rad;
                 let ray =
                     Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
                 let in_sensor = motor * tilt * ray;
