@@ -36,7 +36,11 @@ pub struct DistanceField {
     pub(crate) squared: Vec<u16>,
     pub(crate) site: Vec<i16>,
     pub(crate) seen_revision: u32,
+    /// Some blocks did not fit when they changed.
+    pub(crate) has_refused: bool,
     pub(crate) version: u64,
+    /// Per group of cells (those of one block of the volume): version in which a state or a distance in it last changed.
+    pub(crate) touched: Vec<u64>,
     pub(crate) roots: Vec<f32>,
 }
 
@@ -87,7 +91,9 @@ impl DistanceField {
             squared: Vec::new(),
             site: Vec::new(),
             seen_revision: 0,
+            has_refused: false,
             version: 0,
+            touched: Vec::new(),
             roots: Vec::new(),
         }
     }
@@ -111,9 +117,14 @@ impl DistanceField {
     /// scans than the last one is taken for another and read whole.
     pub fn update(&mut self, volume: &Volume) -> UpdateReport {
         let mut report = UpdateReport::default();
-        self.lay_out(volume, &mut report);
+        let grown = self.lay_out(volume, &mut report);
         let [nx, ny, nz] = self.size;
         let mut dirty_columns = vec![false; nx * ny];
+        let mut dirty_y_lines = vec![Span::EMPTY; nx * nz];
+        let mut dirty_x_lines = vec![Span::EMPTY; ny * nz];
+        if let Some(old) = grown {
+            self.mark_old_border(old, &mut dirty_columns, &mut dirty_y_lines, &mut dirty_x_lines);
+        }
         for block in volume.changed_since(self.seen_revision) {
             if block.occupancy_revision <= self.seen_revision {
                 continue;
@@ -123,11 +134,10 @@ impl DistanceField {
                 report.cells_changed += self.read_block(block, &mut dirty_columns);
             } else {
                 report.refused_blocks += 1;
+                self.has_refused = true;
             }
         }
         self.seen_revision = volume.revision();
-        let mut dirty_y_lines = vec![Span::EMPTY; nx * nz];
-        let mut dirty_x_lines = vec![Span::EMPTY; ny * nz];
         report.lines[0] = self.pass_z(&dirty_columns, &mut dirty_y_lines);
         report.lines[1] = self.pass_y(&dirty_y_lines, &mut dirty_x_lines);
         report.lines[2] = self.pass_x(&dirty_x_lines);
@@ -223,6 +233,28 @@ impl DistanceField {
                 assert_eq!(self.state[self.number(parent)], Cell::Occupied, "the obstacle is occupied");
             }
         }
+    }
+
+    /// Boxes of cells (first, end) in which something changed after a version, in the order of their groups.
+    pub(crate) fn changed_boxes(&self, version: u64) -> Vec<([usize; 3], [usize; 3])> {
+        let edge = self.cells_per_block as usize;
+        let [gx, gy, _] = self.size.map(|side| side / edge);
+        let changed = self.touched.iter().enumerate().filter(|(_, at)| **at > version);
+        changed
+            .map(|(group, _)| {
+                let first = [group % gx, group / gx % gy, group / (gx * gy)].map(|g| g * edge);
+                (first, first.map(|v| v + edge))
+            })
+            .collect()
+    }
+
+    /// The group of a cell.
+    #[inline]
+    pub(crate) fn group_of(&self, at: [usize; 3]) -> usize {
+        // One, two, four or eight.
+        let shift = self.cells_per_block.trailing_zeros();
+        let [gx, gy] = [self.size[0] >> shift, self.size[1] >> shift];
+        (at[0] >> shift) + gx * ((at[1] >> shift) + gy * (at[2] >> shift))
     }
 
     /// Largest squared distance that is kept; never [`BEYOND`].

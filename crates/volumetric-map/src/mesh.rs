@@ -270,7 +270,7 @@ impl Volume {
 
 impl Mesh {
     /// Labels and instances of the vertices pushed last.
-    fn push_tags(&mut self, tags: &[(u16, u16)]) {
+    pub(crate) fn push_tags(&mut self, tags: &[(u16, u16)]) {
         if tags.iter().any(|(_, instance)| *instance != 0) {
             self.instances.resize(self.labels.len(), 0);
         }
