@@ -1,7 +1,7 @@
 //! `omnivln fuse DIR --out mesh.ply`: a folder of posed scans becomes a surface, a distance field and places.
 //!
 //! The folder holds `poses.csv` (columns `index`, `tx ty tz`, `qx qy qz qw`: world from sensor) and `scan_0000.ply` and so on
-//! (binary, `float x y z` in the sensor's frame, `ushort label` if there is one). Everything is brought up to date after each scan, as
+//! (binary, `float x y z` in the sensor's frame, `ushort label` and `ushort instance` if there are any). Everything is brought up to date after each scan, as
 //! on a robot; the times are CPU seconds of the thread that does it, reading not included.
 
 use std::fs::File;
@@ -89,7 +89,7 @@ pub fn run(options: &FuseOptions) -> Result<ExitCode> {
             Ok(())
         })?;
     }
-    let mesh = map.volume.mesh();
+    let mesh = map.complete_mesh();
     write_whole(&options.out, |out| mesh.write_ply(out))?;
     if let Some(file) = &options.places {
         let text = serde_json::to_string(&places_json(&map.places))?;
@@ -163,7 +163,7 @@ impl Map {
             scan.file.display(),
             volume.config().max_blocks
         );
-        timed(&mut cpu[LABELS], || volume.vote_labels(&scan.labelled));
+        timed(&mut cpu[LABELS], || volume.vote_instances(&scan.labelled));
         timed(&mut cpu[MESH], || volume.update_mesh());
         if self.mode == Mode::Clear {
             let update = timed(&mut cpu[DISTANCE], || field.update(volume));
@@ -178,6 +178,12 @@ impl Map {
         self.points += scan.points.len();
         self.skipped += report.non_finite + report.too_near;
         Ok(())
+    }
+
+    /// The mesh with every change in it.
+    fn complete_mesh(&mut self) -> Mesh {
+        timed(&mut self.cpu[MESH], || self.volume.complete_mesh());
+        self.volume.mesh()
     }
 
     fn tell(&self, number: usize, of: usize, quiet: bool) {
@@ -226,8 +232,8 @@ struct PosedScan {
     file: PathBuf,
     origin: Point3<f64>,
     points: Vec<Point3<f32>>,
-    /// The points that carry a label.
-    labelled: Vec<(Point3<f32>, u16)>,
+    /// The points that carry a label, with it and with their instance (0 = none).
+    labelled: Vec<(Point3<f32>, u16, u16)>,
 }
 
 impl PosedScan {
@@ -236,7 +242,9 @@ impl PosedScan {
         let scan = Mesh::read_ply(input).with_context(|| format!("reading {}", file.display()))?;
         let points: Vec<_> =
             scan.vertices.iter().map(|p| (world_from_sensor * p.cast::<f64>()).cast::<f32>()).collect();
-        let labelled = points.iter().copied().zip(scan.labels).filter(|(_, label)| *label != 0).collect();
+        let instances = scan.instances.into_iter().chain(std::iter::repeat(0));
+        let tagged = points.iter().zip(scan.labels).zip(instances).map(|((p, label), instance)| (*p, label, instance));
+        let labelled = tagged.filter(|(_, label, _)| *label != 0).collect();
         Ok(Self { file: file.to_owned(), origin: world_from_sensor.translation.vector.into(), points, labelled })
     }
 }
@@ -318,7 +326,8 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Resul
         out.flush()?;
         drop(out);
         file.sync_all()?;
-        std::fs::rename(&beside, path)
+        std::fs::rename(&beside, path)?;
+        File::open(folder)?.sync_all()
     })();
     if result.is_err() {
         // Whatever stopped the writing is the error to tell; a leftover is only untidy.

@@ -167,3 +167,24 @@ fn bad_input_ends_with_two_and_a_sentence_and_the_old_mesh_stays() {
     refused(Some(&good), ply, &["--threads", "0"], &["--threads"]);
     refused(Some(&good), ply, &["--mode", "band", "--places", "p.json"], &["--mode clear"]);
 }
+
+/// The shell lets files grow to 8 blocks only and keeps the signal away, so that writing fails half-way: to the program, a full disk.
+#[cfg(unix)]
+#[test]
+fn on_a_full_disk_the_old_mesh_stays_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path());
+    let out = folder.path().join("mesh.ply");
+    fs::write(&out, "the old one").unwrap();
+    let script = r#"trap '' XFSZ; ulimit -f 8; exec "$0" fuse "$1" --out "$2" --quiet"#;
+    let program = env!("CARGO_BIN_EXE_omnivln");
+    let output = Command::new("sh").args(["-c", script, program]).arg(folder.path()).arg(&out).output().unwrap();
+    let err = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{err}");
+    assert!(err.contains("mesh.ply"), "{err}");
+    assert_eq!(fs::read_to_string(&out).unwrap(), "the old one");
+    let left = fs::read_dir(folder.path())
+        .unwrap()
+        .filter(|f| f.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
+    assert_eq!(left.count(), 0, "nothing is left lying about");
+}

@@ -49,9 +49,10 @@
 //!    for what the same scan hit and for surfaces a ray only grazes. Weights are small: the newest evidence wins, so a drifting pose
 //!    leaves no ghosts.
 //! 2. Blocks of 8^3 voxels keep bit sets (known, occupied), so that a flat grid ([`OccupancyGrid`]) or a coarser cell costs a few word operations.
-//! 3. [`clearance`] and [`fill_islands`] read a flat grid: exact distance transform, furniture filling.
+//! 3. [`clearance`], [`fill_islands`] and [`skeleton`](mod@skeleton) read a flat grid: exact distance transform, furniture filling, the lines
+//!    between walls. [`height_map`] follows the ground for robots that climb steps and pass under things.
 //! 4. [`distance_field`] is the same exact transform in three dimensions, kept up to date line by line; [`sight`] walks through it (Eq. 6).
-//! 5. [`mesh`] makes surface nets per changed block; [`ply`] writes and reads them, and the points of clouds.
+//! 5. [`mesh`] makes surface nets per changed block, [`marching_cubes`] the textbook's surface beside it; [`ply`] writes and reads them, and the points of clouds.
 //! 6. [`places`] floods free space from wide to narrow (a watershed on the Voronoi ridges): places, edges, stable ids, frontiers.
 //! 7. [`store`] saves and loads the volume; [`archive`] bounds it to a box round the robot and gives back what left it; [`scan_log`] makes
 //!    it again after the trajectory was corrected.
@@ -79,6 +80,7 @@ pub mod config;
 pub mod distance_field;
 mod distance_update;
 mod edt;
+pub mod height_map;
 pub mod integrate;
 mod integrate_fast;
 pub mod marching_cubes;
@@ -91,6 +93,7 @@ mod recent;
 mod returns;
 pub mod scan_log;
 pub mod sight;
+pub mod skeleton;
 mod slice;
 pub mod store;
 mod stride;
@@ -102,6 +105,7 @@ pub use archive::{RestoreError, RestoreReport};
 pub use block::BlockKey;
 pub use config::{ConfigError, VolumeConfig};
 pub use distance_field::{DistanceField, UpdateReport};
+pub use height_map::{Column, Footing, Ground, GroundLimits, HeightMap};
 pub use integrate::{IntegrationError, IntegrationReport};
 pub use marching_cubes::MarchedSurface;
 pub use mesh::{Mesh, MeshDelta, MeshPatch, VertexId};
@@ -111,5 +115,6 @@ pub use ply::PlyError;
 pub use ply::points::read_ply_points;
 pub use scan_log::{ScanLog, ScanLogError};
 pub use sight::LineOfSight;
+pub use skeleton::{Skeleton, skeleton};
 pub use store::LoadError;
 pub use volume::{Cell, Volume};
