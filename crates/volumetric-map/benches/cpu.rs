@@ -6,7 +6,7 @@
 mod support;
 
 use nalgebra::Point3;
-use support::{Lidar, World, drive, in_world};
+use support::{Lidar, STOREY, World, drive, in_world};
 use volumetric_map::{DistanceField, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance};
 
 /// Milliseconds of CPU this thread has used.
@@ -46,6 +46,7 @@ fn main() {
     for is_clearing in [false, true] {
         sparse_scans(is_clearing);
     }
+    thirty_rooms();
 }
 
 /// The sequence of issue 4: 64 x 1024 rays from a sensor at eye height, 1.6 m between scans, labels, everything brought up to date after
@@ -107,6 +108,48 @@ fn sparse_scans(is_clearing: bool) {
         ("places", &mut places),
     ] {
         stage.print(name);
+    }
+}
+
+/// Two storeys of fifteen rooms, everything brought up to date after each scan: what a scan costs does not depend on how much is known.
+fn thirty_rooms() {
+    let (world, way) = World::thirty_rooms();
+    let mut lidar = Lidar::new(32, 512, 0.01, 7);
+    let mut volume = Volume::new(VolumeConfig::default()).unwrap();
+    let mut field = DistanceField::new(0.1, 2.0);
+    let mut graph = PlaceGraph::new(PlaceConfig::default()).unwrap();
+    println!("\nthirty rooms on two storeys, mean ms CPU a scan");
+    println!("rooms so far   blocks   integrate    mesh   distance   places   all");
+    let way = drive(&way, 0.61, 0.2);
+    for storey in 0..2 {
+        for (part, poses) in way.chunks(way.len().div_ceil(3)).enumerate() {
+            let mut sums = [0.0; 4];
+            for (pose, _) in poses {
+                let mut pose = *pose;
+                pose.translation.vector.z += STOREY * f64::from(storey);
+                let points = in_world(&lidar.scan(&world, &pose), &pose);
+                let mut start = cpu_ms();
+                let mut lap = |sum: &mut f64| {
+                    let now = cpu_ms();
+                    *sum += now - std::mem::replace(&mut start, now);
+                };
+                volume.integrate(&pose.translation.vector.into(), &points).unwrap();
+                lap(&mut sums[0]);
+                volume.update_mesh();
+                lap(&mut sums[1]);
+                field.update(&volume);
+                lap(&mut sums[2]);
+                graph.update(&field);
+                lap(&mut sums[3]);
+            }
+            let [a, b, c, d] = sums.map(|sum| sum / poses.len() as f64);
+            let rooms = 15 * storey + 5 * (part as i32 + 1);
+            println!(
+                "{rooms:>12} {:>8} {a:>11.1} {b:>7.1} {c:>10.1} {d:>8.1} {:>5.1}",
+                volume.block_count(),
+                a + b + c + d
+            );
+        }
     }
 }
 

@@ -245,6 +245,11 @@ impl PlaceGraph {
         self.watershed.place_at(point)
     }
 
+    /// Cells that the last update that had something to do flooded: what it cost.
+    pub fn flooded_cells(&self) -> usize {
+        self.watershed.flooded
+    }
+
     /// Checks what must hold between the parts; for tests.
     ///
     /// # Panics

@@ -32,6 +32,8 @@ pub(crate) struct Watershed {
     contacts: FxHashMap<(u32, u32), u16>,
     /// Regions are born in an order; of two that merge the elder stays.
     births: u64,
+    /// Cells that the last update visited.
+    pub flooded: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -263,7 +265,9 @@ impl Flood<'_> {
         for (id, position) in anchors {
             self.anchor(id, &position);
         }
-        for spot in self.order(&cells) {
+        let order = self.order(&cells);
+        self.state.flooded = order.len();
+        for spot in order {
             self.visit(spot);
         }
         self.settle(&cells);
