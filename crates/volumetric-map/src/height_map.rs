@@ -150,9 +150,8 @@ impl Volume {
         // The surface lies beyond the centre of the last occupied voxel by what that is inside, but below the free one.
         let z_m = (f64::from(z) + 0.5) * voxel_m - stored.clamp(-0.5 * voxel_m, 0.5 * voxel_m);
         let mut above = z + 1;
-        loop {
-            // Block by block: up to eight voxels of a column.
-            let Some(block) = self.block(BlockKey::of_voxel([x, y, above])) else { break };
+        // Block by block: up to eight voxels of a column.
+        while let Some(block) = self.block(BlockKey::of_voxel([x, y, above])) {
             let is_free = |z: i32| {
                 let local = local_of([x, y, z]);
                 contains(&block.known, local) && !contains(&block.occupied, local)

@@ -76,7 +76,7 @@ impl Volume {
 
     fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
         let mut stale = self.stale_blocks(tolerance, since);
-        stale.extend(self.mesh_cache.waiting.drain(..));
+        stale.append(&mut self.mesh_cache.waiting);
         stale.sort_unstable();
         stale.dedup();
         let mut delta = MeshDelta::default();

@@ -101,7 +101,8 @@ impl ScanLog {
         if !tags.is_empty() && tags.len() != points_in_sensor.len() {
             return Err(ScanLogError::Tags { points: points_in_sensor.len(), tags: tags.len() });
         }
-        if !is_finite(world_from_sensor) || !(thin_m.is_finite() && thin_m > 0.0) {
+        let is_length = thin_m.is_finite() && thin_m > 0.0;
+        if !is_length || !is_finite(world_from_sensor) {
             return Err(ScanLogError::NotFinite);
         }
         let mut taken = FxHashSet::default();

@@ -458,9 +458,9 @@ impl Flood<'_> {
             let region = &mut self.state.regions[own as usize];
             region.cells += 1;
             region.frontier += u32::from(sides[..4].iter().any(|other| field.state[*other] == Cell::Unknown));
-            for axis in 0..3 {
-                region.low[axis] = region.low[axis].min(here[axis]);
-                region.high[axis] = region.high[axis].max(here[axis]);
+            for (axis, v) in here.into_iter().enumerate() {
+                region.low[axis] = region.low[axis].min(v);
+                region.high[axis] = region.high[axis].max(v);
             }
         }
         for (other, saddle) in &touching[..touched] {

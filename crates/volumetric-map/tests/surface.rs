@@ -29,7 +29,7 @@ fn star(count: u32, radius: impl Fn(&Vector3<f64>) -> f64) -> Vec<Point3<f32>> {
         let r = (1.0 - z * z).sqrt();
         Vector3::new(r * (golden * f64::from(i)).cos(), r * (golden * f64::from(i)).sin(), z)
     };
-    (0..count).map(|i| direction(i)).map(|d| Point3::from((d * radius(&d)).cast::<f32>())).collect()
+    (0..count).map(direction).map(|d| Point3::from((d * radius(&d)).cast::<f32>())).collect()
 }
 
 fn volume_of(scans: &[Vec<Point3<f32>>]) -> Volume {
@@ -150,7 +150,7 @@ fn a_ball_seen_from_within_is_closed_and_both_surfaces_are_one() {
 #[test]
 fn labels_and_instances_ride_on_both_surfaces() {
     let points = star(12_000, |_| 1.3);
-    let mut volume = volume_of(&[points.clone()]);
+    let mut volume = volume_of(std::slice::from_ref(&points));
     let half = |p: &Point3<f32>| if p.x > 0.0 { (3, 11) } else { (3, 12) };
     volume.vote_instances(&points.iter().map(|p| (*p, half(p).0, half(p).1)).collect::<Vec<_>>());
     volume.complete_mesh();
