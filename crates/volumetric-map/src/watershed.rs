@@ -338,31 +338,53 @@ impl Flood<'_> {
     fn order(&mut self, cells: &[u32]) -> Vec<Spot> {
         let field = self.field;
         let [nx, ny, _] = field.size;
-        let mut spots = Vec::with_capacity(cells.len());
-        let spot = |cell: usize, standing: u32| {
-            // Beyond the largest distance is one class: the widest.
-            let squared = field.squared[cell];
-            let class = if squared == BEYOND { 0 } else { u32::from(field.reach_squared() - squared) + 1 };
-            (class, Spot { cell: cell as u32, at: field.coordinates(cell).map(|v| v as u16), standing })
-        };
+        let mut members: Vec<(u32, u32)> = Vec::with_capacity(cells.len());
         let mut border = Vec::new();
-        for cell in cells.iter().map(|cell| *cell as usize).filter(|cell| self.is_member(*cell)) {
-            spots.push(spot(cell, NO_REGION));
+        for number in cells {
+            let cell = *number as usize;
+            if !self.is_member(cell) {
+                continue;
+            }
+            members.push((*number, NO_REGION));
             for other in [cell - 1, cell + 1, cell - nx, cell + nx, cell - nx * ny, cell + nx * ny] {
                 let label = self.state.label[other];
                 if label != NO_REGION && self.state.regions[label as usize].born < self.standing_born {
-                    border.push((other, label));
+                    border.push((other as u32, label));
                 }
             }
         }
         border.sort_unstable();
         border.dedup();
-        for (cell, label) in border {
-            spots.push(spot(cell, label));
-            self.state.label[cell] = NO_REGION;
+        for (cell, _) in &border {
+            self.state.label[*cell as usize] = NO_REGION;
         }
-        spots.sort_unstable_by_key(|(class, spot)| (u64::from(*class) << 32) | u64::from(spot.cell));
-        spots.into_iter().map(|(_, spot)| spot).collect()
+        members.append(&mut border);
+        // Two ascending runs: a stable sort merges them.
+        members.sort_by_key(|(cell, _)| *cell);
+        // By counting: beyond the largest distance is one class, the widest.
+        let class_of = |cell: u32| match field.squared[cell as usize] {
+            BEYOND => 0,
+            squared => usize::from(field.reach_squared() - squared) + 1,
+        };
+        let mut start = vec![0usize; usize::from(field.reach_squared()) + 2];
+        members.iter().for_each(|(cell, _)| start[class_of(*cell)] += 1);
+        let mut sum = 0;
+        for slot in &mut start {
+            sum += std::mem::replace(slot, sum);
+        }
+        let mut order = vec![Spot { cell: 0, at: [0; 3], standing: NO_REGION }; members.len()];
+        // The cells ascend, so their coordinates need no division but at the beginning of a row.
+        let (mut row, mut y, mut z) = (usize::MAX, 0, 0);
+        for (cell, standing) in members {
+            let first = cell as usize / nx;
+            if first != row {
+                (row, y, z) = (first, first % ny, first / ny);
+            }
+            let slot = &mut start[class_of(cell)];
+            order[*slot] = Spot { cell, at: [cell as usize - row * nx, y, z].map(|v| v as u16), standing };
+            *slot += 1;
+        }
+        order
     }
 
     /// Lets an old place open its region again: at its own cell, or at a wider one close by. Gone if there is none.
