@@ -317,11 +317,18 @@ impl DistanceField {
         let mut part = [0.0; 3];
         let mut stride = [1, self.size[0], self.size[0] * self.size[1]];
         for axis in 0..3 {
-            let q = point[axis] / self.resolution_m - 0.5 - f64::from(self.low[axis]);
-            let last = self.size[axis] as f64 - 1.0;
-            let q = q.clamp(0.0, last);
-            base[axis] = (q.floor() as usize).min(self.size[axis].saturating_sub(2));
-            part[axis] = q - base[axis] as f64;
+            // Split before the grid's corner comes in: where the grid begins must not show in the last bit.
+            let q = point[axis] / self.resolution_m - 0.5;
+            let whole = q.floor();
+            let first = whole - f64::from(self.low[axis]);
+            let last = self.size[axis].saturating_sub(2);
+            (base[axis], part[axis]) = if first < 0.0 {
+                (0, 0.0)
+            } else if first > last as f64 {
+                (last, 1.0)
+            } else {
+                (first as usize, q - whole)
+            };
             if self.size[axis] < 2 {
                 stride[axis] = 0;
             }
