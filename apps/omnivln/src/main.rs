@@ -1,7 +1,8 @@
-//! The toolbox: ask a saved scene graph, record and read bags, align scans, run benches.
+//! The toolbox: ask a saved scene graph, record and read bags, align and fuse scans, run benches.
 
 mod ask;
 mod bench;
+mod fuse;
 mod odometry;
 mod record;
 mod register;
@@ -22,6 +23,8 @@ struct Cli {
 enum Command {
     /// Asks a saved scene graph where a thing is: rooms, candidates, prompt, reasoning, action
     Ask(ask::AskOptions),
+    /// Fuses a folder of posed scans into a mesh, a distance field and places
+    Fuse(fuse::FuseOptions),
     /// Aligns two scans: pose, inliers, time
     Register(register::RegisterOptions),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
@@ -44,6 +47,7 @@ enum BenchCommand {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
+        Command::Fuse(options) => fuse::run(&options),
         Command::Register(options) => register::run(&options),
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),

@@ -9,7 +9,9 @@ mod support;
 use divan::{Bencher, black_box};
 use nalgebra::Point3;
 use support::{Lidar, World, drive, in_world};
-use volumetric_map::{DistanceField, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance};
+use volumetric_map::{
+    DistanceField, GroundLimits, PlaceConfig, PlaceGraph, Volume, VolumeConfig, clearance, fill_islands, skeleton,
+};
 
 fn main() {
     divan::main();
@@ -140,6 +142,36 @@ fn places_update(bencher: Bencher) {
             field.clone()
         })
         .bench_local_refs(|field| graph.update(field));
+}
+
+/// Three metres round the robot, followed from column to column.
+#[divan::bench(sample_count = 20, sample_size = 1)]
+fn height_map_and_footing(bencher: Bencher) {
+    let volume = recorded().mapped(recorded().scans.len());
+    let limits = GroundLimits::default();
+    bencher.bench_local(|| volume.height_map(&Point3::new(2.0, 2.5, 0.6), 0.15, 3.0).footing(&limits));
+}
+
+#[divan::bench(sample_count = 20, sample_size = 1)]
+fn skeleton_of_the_ground_grid(bencher: Bencher) {
+    let grid = fill_islands(&recorded().mapped(recorded().scans.len()).ground_grid(0.0, 0.1, 1.2), 1.0, 1.2);
+    bencher.bench_local(|| skeleton(&grid, 1.75, 0.25));
+}
+
+/// Half of the flat goes and comes back.
+#[divan::bench(sample_count = 20, sample_size = 1)]
+fn archive_and_restore(bencher: Bencher) {
+    let mut volume = recorded().mapped(140);
+    bencher.bench_local(|| {
+        let archive = volume.archive_outside(&Point3::new(-9.0, -9.0, -9.0), &Point3::new(5.0, 20.0, 9.0));
+        volume.restore(archive).unwrap()
+    });
+}
+
+#[divan::bench(sample_count = 10, sample_size = 1)]
+fn marching_cubes_for_comparison(bencher: Bencher) {
+    let volume = recorded().mapped(140);
+    bencher.bench_local(|| volume.marching_cubes());
 }
 
 #[divan::bench(sample_count = 20, sample_size = 1)]

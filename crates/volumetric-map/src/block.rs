@@ -5,6 +5,7 @@
 //! one horizontal layer of 64 columns.
 
 use crate::config::VolumeConfig;
+use crate::votes::Votes;
 
 /// Voxels in a block.
 pub const BLOCK_VOXELS: usize = 512;
@@ -66,15 +67,6 @@ pub(crate) fn contains(set: &VoxelSet, local: usize) -> bool {
 #[inline]
 pub(crate) fn insert(set: &mut VoxelSet, local: usize) {
     set[local >> 6] |= 1 << (local & 63);
-}
-
-/// Label votes of a block; only blocks that were voted on carry them.
-#[derive(Debug, Clone)]
-pub(crate) struct Votes {
-    /// Leading label, 0 = none.
-    pub label: [u16; BLOCK_VOXELS],
-    /// Its lead (Misra-Gries with one slot: agree adds one, disagree takes one away, at zero the newcomer takes over).
-    pub count: [u8; BLOCK_VOXELS],
 }
 
 #[derive(Debug, Clone)]

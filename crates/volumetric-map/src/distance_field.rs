@@ -36,9 +36,17 @@ pub struct DistanceField {
     pub(crate) squared: Vec<u16>,
     pub(crate) site: Vec<i16>,
     pub(crate) seen_revision: u32,
+    /// Some blocks did not fit when they changed.
+    pub(crate) has_refused: bool,
     pub(crate) version: u64,
+    /// Per group of cells (those of one block of the volume): version in which a state or a distance in it last changed.
+    pub(crate) touched: Vec<u64>,
     pub(crate) roots: Vec<f32>,
 }
+
+/// The grid is a box and never has more cells than this (11 bytes each): a map with a part that is absurdly far away, after a
+/// jump of the pose, must not take all memory.
+pub const MAX_CELLS: usize = 1 << 26;
 
 pub(crate) const NOWHERE: i16 = i16::MAX;
 /// No obstacle within the largest distance.
@@ -49,6 +57,8 @@ pub(crate) const BEYOND: u16 = u16::MAX;
 pub struct UpdateReport {
     /// Blocks of the volume that were read again.
     pub blocks_read: usize,
+    /// Blocks that lie where the grid cannot reach, because it would need more than [`MAX_CELLS`] cells; they are left out.
+    pub refused_blocks: usize,
     /// Cells that changed between unknown, free and occupied.
     pub cells_changed: usize,
     /// Lines recomputed in the three passes.
@@ -81,7 +91,9 @@ impl DistanceField {
             squared: Vec::new(),
             site: Vec::new(),
             seen_revision: 0,
+            has_refused: false,
             version: 0,
+            touched: Vec::new(),
             roots: Vec::new(),
         }
     }
@@ -105,18 +117,27 @@ impl DistanceField {
     /// scans than the last one is taken for another and read whole.
     pub fn update(&mut self, volume: &Volume) -> UpdateReport {
         let mut report = UpdateReport::default();
-        self.lay_out(volume, &mut report);
+        let grown = self.lay_out(volume, &mut report);
         let [nx, ny, nz] = self.size;
         let mut dirty_columns = vec![false; nx * ny];
+        let mut dirty_y_lines = vec![Span::EMPTY; nx * nz];
+        let mut dirty_x_lines = vec![Span::EMPTY; ny * nz];
+        if let Some(old) = grown {
+            self.mark_old_border(old, &mut dirty_columns, &mut dirty_y_lines, &mut dirty_x_lines);
+        }
         for block in volume.changed_since(self.seen_revision) {
-            if block.occupancy_revision > self.seen_revision {
+            if block.occupancy_revision <= self.seen_revision {
+                continue;
+            }
+            if self.covers(block.key) {
                 report.blocks_read += 1;
                 report.cells_changed += self.read_block(block, &mut dirty_columns);
+            } else {
+                report.refused_blocks += 1;
+                self.has_refused = true;
             }
         }
         self.seen_revision = volume.revision();
-        let mut dirty_y_lines = vec![Span::EMPTY; nx * nz];
-        let mut dirty_x_lines = vec![Span::EMPTY; ny * nz];
         report.lines[0] = self.pass_z(&dirty_columns, &mut dirty_y_lines);
         report.lines[1] = self.pass_y(&dirty_y_lines, &mut dirty_x_lines);
         report.lines[2] = self.pass_x(&dirty_x_lines);
@@ -214,6 +235,28 @@ impl DistanceField {
         }
     }
 
+    /// Boxes of cells (first, end) in which something changed after a version, in the order of their groups.
+    pub(crate) fn changed_boxes(&self, version: u64) -> Vec<([usize; 3], [usize; 3])> {
+        let edge = self.cells_per_block as usize;
+        let [gx, gy, _] = self.size.map(|side| side / edge);
+        let changed = self.touched.iter().enumerate().filter(|(_, at)| **at > version);
+        changed
+            .map(|(group, _)| {
+                let first = [group % gx, group / gx % gy, group / (gx * gy)].map(|g| g * edge);
+                (first, first.map(|v| v + edge))
+            })
+            .collect()
+    }
+
+    /// The group of a cell.
+    #[inline]
+    pub(crate) fn group_of(&self, at: [usize; 3]) -> usize {
+        // One, two, four or eight.
+        let shift = self.cells_per_block.trailing_zeros();
+        let [gx, gy] = [self.size[0] >> shift, self.size[1] >> shift];
+        (at[0] >> shift) + gx * ((at[1] >> shift) + gy * (at[2] >> shift))
+    }
+
     /// Largest squared distance that is kept; never [`BEYOND`].
     pub(crate) fn reach_squared(&self) -> u16 {
         self.reach_squared as u16
@@ -274,11 +317,18 @@ impl DistanceField {
         let mut part = [0.0; 3];
         let mut stride = [1, self.size[0], self.size[0] * self.size[1]];
         for axis in 0..3 {
-            let q = point[axis] / self.resolution_m - 0.5 - f64::from(self.low[axis]);
-            let last = self.size[axis] as f64 - 1.0;
-            let q = q.clamp(0.0, last);
-            base[axis] = (q.floor() as usize).min(self.size[axis].saturating_sub(2));
-            part[axis] = q - base[axis] as f64;
+            // Split before the grid's corner comes in: where the grid begins must not show in the last bit.
+            let q = point[axis] / self.resolution_m - 0.5;
+            let whole = q.floor();
+            let first = whole - f64::from(self.low[axis]);
+            let last = self.size[axis].saturating_sub(2);
+            (base[axis], part[axis]) = if first < 0.0 {
+                (0, 0.0)
+            } else if first > last as f64 {
+                (last, 1.0)
+            } else {
+                (first as usize, q - whole)
+            };
             if self.size[axis] < 2 {
                 stride[axis] = 0;
             }

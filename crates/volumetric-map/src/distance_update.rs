@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use crate::block::Block;
-use crate::distance_field::{BEYOND, DistanceField, NOWHERE, UpdateReport};
+use crate::block::{Block, BlockKey};
+use crate::distance_field::{BEYOND, DistanceField, MAX_CELLS, NOWHERE, UpdateReport};
 use crate::edt::{Envelope, FAR};
 use crate::volume::{Cell, Volume};
 
 impl DistanceField {
-    /// Makes the grid cover the volume; grows with a margin so that an exploring robot seldom triggers it.
-    pub(crate) fn lay_out(&mut self, volume: &Volume, report: &mut UpdateReport) {
+    /// Makes the grid cover the volume; grows with a margin so that an exploring robot seldom triggers it. Returns where the old box lies in
+    /// the new one (first cell, end) if it grew.
+    pub(crate) fn lay_out(&mut self, volume: &Volume, report: &mut UpdateReport) -> Option<([usize; 3], [usize; 3])> {
         let voxel = volume.config().voxel_m;
         let wanted = self.requested_resolution_m / voxel;
         let distance_to_wanted = |joined: &i32| (f64::from(*joined).ln() - wanted.ln()).abs();
@@ -36,15 +37,15 @@ impl DistanceField {
             if is_other {
                 *self = Self::new(self.requested_resolution_m, self.max_distance_m);
             }
-            return;
+            return None;
         };
         let (old_low, old_size) = (self.low, self.size);
         let first = |axis: usize| old_low[axis] / cells_per_block;
         let last = |axis: usize| first(axis) + old_size[axis] as i32 / cells_per_block - 1;
         if !is_other && (0..3).all(|axis| first(axis) < low[axis] && high[axis] < last(axis)) {
-            return;
+            return None;
         }
-        report.is_rebuilt = true;
+        let (mut new_low, mut new_size) = (old_low, old_size);
         for axis in 0..3 {
             // At least one block of unknown space all round: cells on the border of the grid are never free.
             let margin = if axis == 2 { 1 } else { 5 };
@@ -52,11 +53,30 @@ impl DistanceField {
             let keep_high = !is_other && last(axis) > high[axis];
             let from = if keep_low { first(axis) } else { low[axis] - margin };
             let to = if keep_high { last(axis) } else { high[axis] + margin };
-            self.low[axis] = from * cells_per_block;
-            self.size[axis] = ((to - from + 1) * cells_per_block) as usize;
+            new_low[axis] = from * cells_per_block;
+            new_size[axis] = (i64::from(to - from + 1) * i64::from(cells_per_block)) as usize;
         }
+        let is_too_large =
+            new_size.iter().try_fold(1usize, |n, side| n.checked_mul(*side)).is_none_or(|n| n > MAX_CELLS);
+        if is_too_large && !is_other {
+            return None;
+        }
+        if is_too_large {
+            // Nothing to keep, and no box holds it all: an empty grid of the new kind.
+            (new_low, new_size) = (low.map(|v| v * cells_per_block), [0; 3]);
+        }
+        report.is_rebuilt = true;
         self.resolution_m = resolution_m;
         self.cells_per_block = cells_per_block;
+        if !is_other {
+            let shift: [usize; 3] = std::array::from_fn(|axis| (old_low[axis] - new_low[axis]) as usize);
+            self.grow(new_low, new_size, shift);
+            if std::mem::take(&mut self.has_refused) {
+                self.seen_revision = 0;
+            }
+            return Some((shift, std::array::from_fn(|axis| shift[axis] + old_size[axis])));
+        }
+        (self.low, self.size) = (new_low, new_size);
         let reach = ((self.max_distance_m / resolution_m + 1e-9).floor()).clamp(1.0, 250.0);
         self.max_distance_m = self.max_distance_m.min(250.0 * resolution_m);
         self.reach_squared =
@@ -69,7 +89,68 @@ impl DistanceField {
         self.plane_site = vec![0; cells];
         self.squared = vec![BEYOND; cells];
         self.site = vec![0; cells];
+        self.touched = vec![self.version + 1; cells / (cells_per_block as usize).pow(3)];
         self.seen_revision = 0;
+        None
+    }
+
+    /// Lays the grid out in a larger box, in which the old one begins at `shift`; the new cells are unknown and beyond everything.
+    fn grow(&mut self, low: [i32; 3], size: [usize; 3], shift: [usize; 3]) {
+        let old = self.size;
+        self.state = moved(&self.state, old, size, shift, Cell::Unknown);
+        self.up = moved(&self.up, old, size, shift, NOWHERE);
+        self.plane = moved(&self.plane, old, size, shift, BEYOND);
+        self.plane_site = moved(&self.plane_site, old, size, shift, 0);
+        self.squared = moved(&self.squared, old, size, shift, BEYOND);
+        self.site = moved(&self.site, old, size, shift, 0);
+        let groups = |cells: [usize; 3]| cells.map(|v| v / self.cells_per_block as usize);
+        self.touched = moved(&self.touched, groups(old), groups(size), groups(shift), self.version + 1);
+        (self.low, self.size) = (low, size);
+    }
+
+    /// After the grid grew: what lies near the border of the old box (first cell, end) reaches into the new cells. A line that ends out of
+    /// reach of everything stays so however long it gets.
+    pub(crate) fn mark_old_border(
+        &self,
+        (first, end): ([usize; 3], [usize; 3]),
+        dirty_columns: &mut [bool],
+        dirty_y_lines: &mut [Span],
+        dirty_x_lines: &mut [Span],
+    ) {
+        let [nx, ny, nz] = self.size;
+        let ends = |axis: usize| {
+            let low = (first[axis] > 0).then_some(first[axis]);
+            let high = (end[axis] < self.size[axis]).then_some(end[axis] - 1);
+            [low, high].into_iter().flatten()
+        };
+        for z in ends(2) {
+            for (column, dirty) in dirty_columns.iter_mut().enumerate() {
+                *dirty |= self.up[column + nx * ny * z] != NOWHERE;
+            }
+        }
+        for y in ends(1) {
+            for (line, dirty) in dirty_y_lines.iter_mut().enumerate() {
+                if self.plane[line % nx + nx * (y + ny * (line / nx))] != BEYOND {
+                    dirty.add(y);
+                }
+            }
+        }
+        for x in ends(0) {
+            for (line, dirty) in dirty_x_lines.iter_mut().enumerate().take(ny * nz) {
+                if self.squared[x + nx * line] != BEYOND {
+                    dirty.add(x);
+                }
+            }
+        }
+    }
+
+    /// Whether a block lies in the grid.
+    pub(crate) fn covers(&self, key: BlockKey) -> bool {
+        let key = [key.x, key.y, key.z];
+        (0..3).all(|axis| {
+            let first = key[axis] * self.cells_per_block - self.low[axis];
+            first >= 0 && (first + self.cells_per_block) as usize <= self.size[axis]
+        })
     }
 
     /// Joins the voxels of a block into cells; returns how many changed and marks the columns whose obstacles did.
@@ -111,6 +192,8 @@ impl DistanceField {
                             dirty_columns[y * self.size[0] + x] = true;
                         }
                         self.state[i] = state;
+                        let group = self.group_of([x, y, z]);
+                        self.touched[group] = self.version + 1;
                     }
                 }
             }
@@ -196,11 +279,31 @@ impl DistanceField {
             }
             line.transform(read.len());
             let inside = write.start - read.start..write.end - read.start;
+            let (old, new) = (&self.squared[first..][write.clone()], &line.squared[inside.clone()]);
+            let changed = |pair: (&u16, &u16)| pair.0 != pair.1;
+            if old.iter().zip(new).any(changed) {
+                let (y, z) = (yz % ny, yz / ny);
+                let group = self.group_of([0, y, z]);
+                for (x, _) in write.clone().zip(old.iter().zip(new)).filter(|(_, pair)| changed(*pair)) {
+                    self.touched[group + x / self.cells_per_block as usize] = self.version + 1;
+                }
+            }
             self.squared[first..][write.clone()].copy_from_slice(&line.squared[inside.clone()]);
             self.site[first..][write].copy_from_slice(&line.site[inside]);
         }
         lines
     }
+}
+
+/// The cells of a box in a larger box, in which the old one begins at `shift`.
+fn moved<T: Copy>(cells: &[T], old: [usize; 3], new: [usize; 3], shift: [usize; 3], fill: T) -> Vec<T> {
+    let mut out = vec![fill; new.iter().product()];
+    for (row, source) in cells.chunks_exact(old[0].max(1)).enumerate() {
+        let (y, z) = (row % old[1] + shift[1], row / old[1] + shift[2]);
+        let first = shift[0] + new[0] * (y + new[1] * z);
+        out[first..first + old[0]].copy_from_slice(source);
+    }
+    out
 }
 
 /// First and last cell of a line whose input changed.

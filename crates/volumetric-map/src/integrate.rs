@@ -16,7 +16,8 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use crate::block::{Block, BlockKey, DISTANCE_ONE, NONE, contains, insert, local_of};
-use crate::ray::{RayWalk, fixed, floor};
+use crate::ray::{RayWalk, fixed};
+use crate::returns::{LANES, Returns};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
 
 /// What one call of [`Volume::integrate`] did.
@@ -38,6 +39,19 @@ pub struct IntegrationReport {
     pub new_blocks: usize,
     /// Blocks that could not be made because the volume is full.
     pub refused_blocks: usize,
+}
+
+impl std::ops::AddAssign for IntegrationReport {
+    fn add_assign(&mut self, other: Self) {
+        self.integrated += other.integrated;
+        self.non_finite += other.non_finite;
+        self.too_near += other.too_near;
+        self.beyond_range += other.beyond_range;
+        self.clearing_rays += other.clearing_rays;
+        self.cleared_voxels += other.cleared_voxels;
+        self.new_blocks += other.new_blocks;
+        self.refused_blocks += other.refused_blocks;
+    }
 }
 
 /// A scan that cannot be integrated at all.
@@ -100,6 +114,7 @@ impl Volume {
             return Err(IntegrationError::Origin([origin_in_world.x, origin_in_world.y, origin_in_world.z]));
         }
         self.revision += 1;
+        self.scans = self.scans.wrapping_add(1);
         let blocks_before = self.blocks.len();
         let mut scan = Scan {
             report: IntegrationReport::default(),
@@ -119,50 +134,47 @@ impl Volume {
     ///
     /// The first return in a voxel clears when the voxel has its turn: every `clear_every`-th scan, on a checkerboard. All
     /// pull.
-    #[inline(never)]
     fn mark_returns(&mut self, points: &[Point3<f32>], scan: &mut Scan) -> Vec<Ray> {
         let scale = 1.0 / self.config.voxel_m;
-        let (near, far) = (self.config.min_range_m * scale, self.config.max_range_m * scale);
-        let near = near.max(1e-6);
-        let mut rays = Vec::with_capacity(points.len() / 2);
+        let (near, far) = ((self.config.min_range_m * scale).max(1e-6), self.config.max_range_m * scale);
         let turn = u32::try_from(self.config.clear_every).unwrap_or(u32::MAX);
-        for point in points {
-            let offset = point.coords.cast::<f64>() * scale - scan.origin;
-            let range = offset.norm();
-            if !range.is_finite() {
-                scan.report.non_finite += 1;
-                continue;
-            }
-            if range < near {
-                scan.report.too_near += 1;
-                continue;
-            }
-            let direction = offset * (1.0 / range);
-            let is_beyond = range > far;
-            let tip = scan.origin + if is_beyond { direction * far } else { offset };
-            let end: [i32; 3] = tip.map(floor).into();
-            let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
-            let phase = checker.wrapping_add(self.revision);
-            // The usual turns are powers of two; a division for each point is felt.
-            let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
-            if is_beyond {
-                scan.report.beyond_range += 1;
-                if is_turn {
-                    rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
+        let mut rays = Vec::with_capacity(points.len());
+        let mut returns = Returns::new();
+        for chunk in points.chunks(LANES) {
+            returns.take(chunk, scale, &scan.origin, far);
+            for lane in 0..chunk.len() {
+                let range = returns.range[lane];
+                if !range.is_finite() {
+                    scan.report.non_finite += 1;
+                    continue;
                 }
-                continue;
+                if range < near {
+                    scan.report.too_near += 1;
+                    continue;
+                }
+                let (direction, end) = (returns.direction(lane), returns.end(lane));
+                let checker = end[0].wrapping_add(end[1]).wrapping_add(end[2]) as u32;
+                let phase = checker.wrapping_add(self.scans);
+                // The usual turns are powers of two; a division for each point is felt.
+                let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
+                if range > far {
+                    scan.report.beyond_range += 1;
+                    if is_turn {
+                        rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
+                    }
+                    continue;
+                }
+                scan.report.integrated += 1;
+                let id = self.enter(BlockKey::of_voxel(end), scan);
+                if id == NONE {
+                    continue;
+                }
+                let block = &mut self.blocks[id as usize];
+                let local = local_of(end);
+                let is_first = !contains(&block.hit, local);
+                insert(&mut block.hit, local);
+                rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing: is_first && is_turn });
             }
-            scan.report.integrated += 1;
-            let id = self.enter(BlockKey::of_voxel(end), scan);
-            if id == NONE {
-                continue;
-            }
-            let block = &mut self.blocks[id as usize];
-            let local = local_of(end);
-            let is_first = !contains(&block.hit, local);
-            insert(&mut block.hit, local);
-            let is_clearing = is_first && is_turn;
-            rays.push(Ray { direction, range, end: Some(end), end_block: id, is_clearing });
         }
         rays
     }
@@ -233,7 +245,6 @@ impl Volume {
     }
 
     /// May a ray clear the voxel near a surface that it stands in?
-    #[inline(never)]
     pub(crate) fn may_clear(&self, id: u32, voxel: [i32; 3], ray: &Ray, origin: &Vector3<f64>) -> bool {
         let here = f64::from(self.blocks[id as usize].distance[local_of(voxel)]);
         let noticeable = 0.6 * f64::from(self.thresholds.units_per_m) * self.config.voxel_m;
@@ -282,7 +293,6 @@ impl Volume {
     }
 
     /// Step 3, and the bit sets of what changed.
-    #[inline(never)]
     fn clear_marked(&mut self, scan: &mut Scan) {
         for id in &scan.touched {
             let block = &mut self.blocks[*id as usize];
@@ -320,7 +330,6 @@ impl Volume {
     }
 
     /// The block of a key, made if need be and marked as touched.
-    #[inline(never)]
     pub(crate) fn enter(&mut self, key: BlockKey, scan: &mut Scan) -> u32 {
         if scan.last_entered.0 != key {
             let id = self.ensure_block(key).map_or(NONE, |id| self.touch(id, scan));

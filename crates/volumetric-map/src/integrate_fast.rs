@@ -17,7 +17,6 @@ impl Volume {
         }
     }
 
-    #[inline(never)]
     fn pull_band(&mut self, ray: &Ray, end: [i32; 3], band: &Band, scan: &mut Scan) {
         let walk = RayWalk::new(scan.origin.into(), ray.direction.into(), (ray.range - band.front).max(0.0));
         let mut stride = Stride::new(&walk);
@@ -61,7 +60,6 @@ impl Volume {
         }
     }
 
-    #[inline(never)]
     fn look_along(&mut self, ray: &Ray, start: u32, stop: i64, scan: &mut Scan) {
         let mut stride = Stride::new(&RayWalk::new(scan.origin.into(), ray.direction.into(), 0.0));
         let mut id = start;

@@ -49,11 +49,13 @@
 //!    for what the same scan hit and for surfaces a ray only grazes. Weights are small: the newest evidence wins, so a drifting pose
 //!    leaves no ghosts.
 //! 2. Blocks of 8^3 voxels keep bit sets (known, occupied), so that a flat grid ([`OccupancyGrid`]) or a coarser cell costs a few word operations.
-//! 3. [`clearance`] and [`fill_islands`] read a flat grid: exact distance transform, furniture filling.
+//! 3. [`clearance`], [`fill_islands`] and [`skeleton`](mod@skeleton) read a flat grid: exact distance transform, furniture filling, the lines
+//!    between walls. [`height_map`] follows the ground for robots that climb steps and pass under things.
 //! 4. [`distance_field`] is the same exact transform in three dimensions, kept up to date line by line; [`sight`] walks through it (Eq. 6).
-//! 5. [`mesh`] makes surface nets per changed block; [`ply`] writes and reads them, and the points of clouds.
+//! 5. [`mesh`] makes surface nets per changed block, [`marching_cubes`] the textbook's surface beside it; [`ply`] writes and reads them, and the points of clouds.
 //! 6. [`places`] floods free space from wide to narrow (a watershed on the Voronoi ridges): places, edges, stable ids, frontiers.
-//! 7. [`store`] saves and loads the volume.
+//! 7. [`store`] saves and loads the volume; [`archive`] bounds it to a box round the robot and gives back what left it; [`scan_log`] makes
+//!    it again after the trajectory was corrected.
 //!
 //! # Conventions
 //! World frame, z up, metres. Occupied voxels stick out of the true surface by less than one voxel (the threshold is a quarter of a voxel
@@ -62,8 +64,8 @@
 //! gives empty output. The same sequence of calls gives the same bytes; nothing depends on threads or hash order.
 //!
 //! # What it does not do
-//! It knows no robot, no rooms, no objects; it does not estimate poses or move what was integrated (a corrected trajectory means integrating
-//! again); it opens no file and starts no thread. The distance field is to obstacles on both sides of a wall alike: it has no sign.
+//! It knows no robot, no rooms, no objects; it does not estimate poses or bend what was integrated (a corrected trajectory means integrating
+//! the scans of a [`ScanLog`] again); it opens no file and starts no thread. The distance field is to obstacles on both sides of a wall alike: it has no sign.
 //!
 //! # References
 //! B. Curless, M. Levoy, "A volumetric method for building complex models from range images", SIGGRAPH 1996. J. Amanatides, A. Woo, "A fast
@@ -72,35 +74,47 @@
 //! "Efficient grid-based spatial representations for robot navigation in dynamic environments", RAS 2013. N. Hughes et al., "Foundations of spatial
 //! perception for robotics", IJRR 2024 (places).
 
+pub mod archive;
 mod block;
 pub mod config;
 pub mod distance_field;
 mod distance_update;
 mod edt;
+pub mod height_map;
 pub mod integrate;
 mod integrate_fast;
+pub mod marching_cubes;
 pub mod mesh;
 pub mod occupancy_grid;
 pub mod places;
 pub mod ply;
 mod ray;
 mod recent;
+mod returns;
+pub mod scan_log;
 pub mod sight;
+pub mod skeleton;
 mod slice;
 pub mod store;
 mod stride;
 pub mod volume;
+mod votes;
 mod watershed;
 
+pub use archive::{RestoreError, RestoreReport};
 pub use block::BlockKey;
 pub use config::{ConfigError, VolumeConfig};
 pub use distance_field::{DistanceField, UpdateReport};
+pub use height_map::{Column, Footing, Ground, GroundLimits, HeightMap};
 pub use integrate::{IntegrationError, IntegrationReport};
-pub use mesh::{Mesh, MeshDelta};
+pub use marching_cubes::MarchedSurface;
+pub use mesh::{Mesh, MeshDelta, MeshPatch, VertexId};
 pub use occupancy_grid::{OccupancyGrid, clearance, fill_islands};
 pub use places::{Place, PlaceConfig, PlaceConfigError, PlaceEdge, PlaceEvent, PlaceGraph, PlaceId};
 pub use ply::PlyError;
 pub use ply::points::read_ply_points;
+pub use scan_log::{ScanLog, ScanLogError};
 pub use sight::LineOfSight;
+pub use skeleton::{Skeleton, skeleton};
 pub use store::LoadError;
 pub use volume::{Cell, Volume};

@@ -2,12 +2,16 @@
 //!
 //! A cell is the cube between eight neighbouring voxel centres. A cell whose corners lie on both sides of the surface gets one
 //! vertex, the mean of the crossings on its twelve edges. Every voxel edge that crosses the surface gives one quad between
-//! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks.
+//! its four cells. A block owns the cells and edges that begin in it, so the mesh of the whole is the sum of the blocks, and a vertex is
+//! named by its cell: the name stays as long as the surface runs through the cell.
+
+use std::collections::hash_map::Entry;
 
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
+use crate::stride::voxel_of;
 use crate::volume::Volume;
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
@@ -17,6 +21,8 @@ pub struct Mesh {
     pub vertices: Vec<Point3<f32>>,
     /// Label of each vertex, 0 = none.
     pub labels: Vec<u16>,
+    /// Instance of each vertex, 0 = none; empty if the mesh knows no instances.
+    pub instances: Vec<u16>,
     /// Three vertex numbers a triangle.
     pub faces: Vec<[u32; 3]>,
 }
@@ -34,17 +40,52 @@ pub struct MeshDelta {
     pub faces: usize,
 }
 
+/// Name of a vertex: the first voxel of its cell. It stays while the surface stays within the cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VertexId(pub [i32; 3]);
+
+/// What one block adds to the mesh, by names: for those who keep the mesh and take over what an update changed.
+///
+/// Put the patches of [`MeshDelta::updated`] in the place of the old ones and drop those of [`MeshDelta::removed`]; then the mesh is all
+/// vertices, and all faces whose three corners exist.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeshPatch {
+    /// Names of the vertices, ascending within a layer of cells.
+    pub ids: Vec<VertexId>,
+    /// Positions, labels and instances of the vertices (no faces).
+    pub vertices: Mesh,
+    /// Corners of triangles, some of them in neighbouring blocks.
+    pub faces: Vec<[VertexId; 3]>,
+}
+
 impl Volume {
     /// Brings the mesh up to date; looks only at blocks whose surface changed since the last call by more than a fifth of a voxel
-    /// (or whose labels did), and at the neighbours that share a cell with them. So a vertex may lag by a centimetre;
-    /// [`rebuild_mesh`](Self::rebuild_mesh) leaves nothing out.
+    /// (or whose labels did), and at the neighbours that share a changed voxel with them. So a vertex may lag by a centimetre;
+    /// [`complete_mesh`](Self::complete_mesh) leaves nothing out.
     pub fn update_mesh(&mut self) -> MeshDelta {
-        let mut stale = self.stale_blocks();
+        let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
+        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as u16, near: (1.1 * units_per_voxel) as u16 };
+        self.mesh_again(&tolerance, self.mesh_cache.seen)
+    }
+
+    /// The same for every change, however small, also of those before the last call: the mesh that
+    /// [`rebuild_mesh`](Self::rebuild_mesh) makes. It compares the whole map with what was meshed; for a mesh that is kept.
+    pub fn complete_mesh(&mut self) -> MeshDelta {
+        self.mesh_again(&Tolerance { moved: 0, near: u16::MAX }, 0)
+    }
+
+    fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
+        let mut stale = self.stale_blocks(tolerance, since);
+        stale.append(&mut self.mesh_cache.waiting);
         stale.sort_unstable();
         stale.dedup();
         let mut delta = MeshDelta::default();
         let mut part = MeshPart::default();
         for key in stale {
+            if self.reaches_archive(key) {
+                self.mesh_cache.waiting.push(key);
+                continue;
+            }
             self.fill_part(key, &mut part);
             if part.cells.is_empty() && part.quads.is_empty() {
                 if self.mesh_cache.remove(key) {
@@ -62,10 +103,16 @@ impl Volume {
         delta
     }
 
-    /// Makes the whole mesh anew.
+    /// Whether some of the voxels that a block's cells touch are kept elsewhere: then its part of the mesh stays as it is.
+    fn reaches_archive(&self, key: BlockKey) -> bool {
+        let corner = |k: i32| key.offset(k & 1, k >> 1 & 1, k >> 2);
+        !self.archived.is_empty() && (0..8).any(|k| self.archived.contains(&corner(k).packed()))
+    }
+
+    /// Makes the whole mesh anew, of what is in memory.
     pub fn rebuild_mesh(&mut self) -> MeshDelta {
         self.mesh_cache = MeshCache::default();
-        self.update_mesh()
+        self.complete_mesh()
     }
 
     /// The whole mesh as of the last [`update_mesh`](Self::update_mesh), blocks in ascending order.
@@ -74,11 +121,13 @@ impl Volume {
         ranks.sort_unstable_by_key(|rank| self.mesh_cache.parts[*rank].0);
         let mut first_vertex = vec![0u32; ranks.len()];
         let mut mesh = Mesh::default();
+        mesh.vertices.reserve(self.mesh_cache.vertices);
+        mesh.faces.reserve(2 * self.mesh_cache.quads);
         for rank in &ranks {
             let part = &self.mesh_cache.parts[*rank].1;
             first_vertex[*rank] = mesh.vertices.len() as u32;
             mesh.vertices.extend_from_slice(&part.vertices);
-            mesh.labels.extend_from_slice(&part.labels);
+            mesh.push_tags(&part.tags);
         }
         for rank in &ranks {
             let (key, part) = &self.mesh_cache.parts[*rank];
@@ -105,7 +154,7 @@ impl Volume {
                 *number.entry((rank, slot)).or_insert_with(|| {
                     let source = &self.mesh_cache.parts[rank].1;
                     mesh.vertices.push(source.vertices[slot]);
-                    mesh.labels.push(source.labels[slot]);
+                    mesh.push_tags(&source.tags[slot..=slot]);
                     mesh.vertices.len() as u32 - 1
                 })
             });
@@ -114,19 +163,43 @@ impl Volume {
         Some(mesh)
     }
 
+    /// The patch of one block, see [`MeshPatch`]; `None` if it has no part of the mesh.
+    pub fn mesh_patch(&self, key: BlockKey) -> Option<MeshPatch> {
+        let rank = *self.mesh_cache.rank.get(&key.packed())?;
+        let part = &self.mesh_cache.parts[rank].1;
+        let mut patch = MeshPatch::default();
+        patch.vertices.vertices.extend_from_slice(&part.vertices);
+        patch.vertices.push_tags(&part.tags);
+        patch.ids.extend(part.cells.iter().map(|cell| VertexId(voxel_of(key, u32::from(*cell)))));
+        for quad in &part.quads {
+            patch.faces.extend(split(quad.cells(key).map(VertexId)));
+        }
+        Some(patch)
+    }
+
+    /// Names of the vertices of [`mesh`](Self::mesh), in its order.
+    pub fn vertex_ids(&self) -> Vec<VertexId> {
+        let mut ids = Vec::with_capacity(self.mesh_cache.vertices);
+        let mut parts: Vec<_> = self.mesh_cache.parts.iter().collect();
+        parts.sort_unstable_by_key(|(key, _)| *key);
+        for (key, part) in parts {
+            ids.extend(part.cells.iter().map(|cell| VertexId(voxel_of(*key, u32::from(*cell)))));
+        }
+        ids
+    }
+
     /// Blocks to mesh again: the changed ones, and those on their negative sides whose cells reach to a changed voxel.
-    fn stale_blocks(&mut self) -> Vec<BlockKey> {
-        let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
-        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as i16, near: (1.1 * units_per_voxel) as i16 };
+    fn stale_blocks(&mut self, tolerance: &Tolerance, since: u32) -> Vec<BlockKey> {
         let cache = &mut self.mesh_cache;
         let mut stale = Vec::new();
         let changed = self.recent.iter().map(|id| &self.blocks[id as usize]);
-        for block in changed.take_while(|block| block.newest_revision() > cache.seen) {
-            let moved = match cache.shape.get(&block.key.packed()) {
-                Some(shape) => shape.moved(block, &tolerance),
-                None if block.near_surface == [0; 8] => continue,
-                None => ALL_VOXELS,
+        for block in changed.take_while(|block| block.newest_revision() > since) {
+            let shape = match cache.shape.entry(block.key.packed()) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(_) if block.near_surface == [0; 8] => continue,
+                Entry::Vacant(entry) => entry.insert(Box::new(Shape::NONE)),
             };
+            let moved = shape.moved(block, tolerance);
             if moved == [0; 8] {
                 continue;
             }
@@ -142,11 +215,7 @@ impl Volume {
                     kept[..layers].iter_mut().for_each(|layer| *layer |= reached);
                 }
             }
-            let mut shape = Shape::of(block);
-            if let Some(old) = cache.shape.get(&block.key.packed()) {
-                shape.keep(&kept, old);
-            }
-            cache.shape.insert(block.key.packed(), Box::new(shape));
+            shape.take(block, &kept);
         }
         stale
     }
@@ -158,9 +227,10 @@ impl Volume {
         let Some(patch) = Patch::of(&corner_blocks) else {
             return;
         };
-        let voxel = self.config.voxel_m;
+        let voxel = self.config.voxel_m as f32;
+        // The first voxel's centre, rounded once.
+        let base = key.first_voxel().map(|v| ((f64::from(v) + 0.5) * self.config.voxel_m) as f32);
         let has_votes = corner_blocks.iter().flatten().any(|block| block.votes.is_some());
-        let first = key.first_voxel();
         for z in 0..8usize {
             for y in 0..8usize {
                 let (cells, edges) = patch.crossings(y, z);
@@ -172,12 +242,10 @@ impl Volume {
                 }
                 for x in ones(cells) {
                     let offset = patch.cell_vertex(x + 9 * y + 81 * z);
-                    let at = |axis: usize, local: usize| {
-                        ((f64::from(first[axis]) + local as f64 + 0.5 + f64::from(offset[axis])) * voxel) as f32
-                    };
+                    let at = |axis: usize, local: usize| base[axis] + (local as f32 + offset[axis]) * voxel;
                     part.cells.push((x + 8 * y + 64 * z) as u16);
                     part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.labels.push(if has_votes { cell_label(&corner_blocks, [x, y, z]) } else { 0 });
+                    part.tags.push(if has_votes { cell_tag(&corner_blocks, [x, y, z], offset) } else { (0, 0) });
                 }
             }
         }
@@ -190,53 +258,58 @@ impl Volume {
 
     /// (part, slot in the part) of a quad's four cells; `None` if one of them has no vertex (it touches unknown voxels).
     fn quad_cells(&self, key: BlockKey, quad: &Quad) -> Option<[(usize, usize); 4]> {
-        let first = key.first_voxel();
-        let axis = usize::from(quad.axis);
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut corners = [(0, 0); 4];
-        for (corner, (du, dv)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
-            let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(quad.voxel[a]));
-            cell[u] -= 1 - du;
-            cell[v] -= 1 - dv;
+        for (corner, cell) in corners.iter_mut().zip(quad.cells(key)) {
             let rank = *self.mesh_cache.rank.get(&BlockKey::of_voxel(cell).packed())?;
             let slot = self.mesh_cache.parts[rank].1.cells.binary_search(&(local_of(cell) as u16)).ok()?;
-            corners[corner] = (rank, slot);
-        }
-        if quad.flip {
-            corners.reverse();
+            *corner = (rank, slot);
         }
         Some(corners)
     }
 }
 
-/// The label with the most votes among the eight voxels of a cell; ties to the smaller label.
-fn cell_label(blocks: &[Option<&Block>; 8], cell: [usize; 3]) -> u16 {
-    let mut tally = [(0u16, 0u32); 8];
-    for corner in 0..8usize {
-        let at = [cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)];
-        let block = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2];
-        let Some(votes) = block.and_then(|b| b.votes.as_ref()) else {
-            continue;
-        };
-        let i = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
-        if votes.count[i] == 0 {
-            continue;
+impl Mesh {
+    /// Labels and instances of the vertices pushed last.
+    pub(crate) fn push_tags(&mut self, tags: &[(u16, u16)]) {
+        if tags.iter().any(|(_, instance)| *instance != 0) {
+            self.instances.resize(self.labels.len(), 0);
         }
-        let slot = tally.iter_mut().find(|t| t.1 == 0 || t.0 == votes.label[i]).expect("eight corners, eight slots");
-        slot.0 = votes.label[i];
-        slot.1 += u32::from(votes.count[i]);
+        self.labels.extend(tags.iter().map(|(label, _)| *label));
+        if !self.instances.is_empty() || tags.iter().any(|(_, instance)| *instance != 0) {
+            self.instances.extend(tags.iter().map(|(_, instance)| *instance));
+        }
     }
-    let best = tally.into_iter().max_by_key(|(label, count)| (*count, std::cmp::Reverse(*label)));
-    best.filter(|(_, count)| *count > 0).map_or(0, |(label, _)| label)
 }
 
-fn split(corners: [u32; 4]) -> [[u32; 3]; 2] {
+/// Label and instance of a cell's vertex: what leads in the voxel nearest to it, or where nobody voted on that one, what has the most
+/// votes among the eight voxels of the cell; ties to the smaller.
+fn cell_tag(blocks: &[Option<&Block>; 8], cell: [usize; 3], offset: [f32; 3]) -> (u16, u16) {
+    let vote_of = |corner: [usize; 3]| {
+        let at = [cell[0] + corner[0], cell[1] + corner[1], cell[2] + corner[2]];
+        let votes = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2]?.votes.as_ref()?;
+        let local = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
+        votes.leader(local).map(|tag| (tag, u32::from(votes.count[local])))
+    };
+    if let Some((tag, _)) = vote_of(offset.map(|part| usize::from(part > 0.5))) {
+        return tag;
+    }
+    let votes: [_; 8] = std::array::from_fn(|k| vote_of([k & 1, k >> 1 & 1, k >> 2]));
+    let tally = |tag| votes.iter().flatten().filter(|vote| vote.0 == tag).map(|vote| vote.1).sum::<u32>();
+    let best = votes.iter().flatten().map(|vote| vote.0).max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag)));
+    best.unwrap_or((0, 0))
+}
+
+fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
 
 /// Positions of the ones of a row.
-fn ones(row: u16) -> impl Iterator<Item = usize> {
-    (0..9).filter(move |x| row >> x & 1 == 1)
+fn ones(mut row: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let next = (row != 0).then(|| row.trailing_zeros() as usize);
+        row &= row.wrapping_sub(1);
+        next
+    })
 }
 
 struct Patch {
@@ -251,6 +324,9 @@ impl Patch {
     /// none of the voxels lies inside something.
     fn of(blocks: &[Option<&Block>; 8]) -> Option<Self> {
         blocks[0]?;
+        if blocks.iter().flatten().all(|block| block.near_surface == [0; 8]) {
+            return None;
+        }
         let mut patch = Self { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
         for (corner, block) in blocks.iter().enumerate() {
             let Some(block) = block else { continue };
@@ -261,13 +337,11 @@ impl Patch {
                 for y in range(shift_y) {
                     let first = (y & 7) << 3 | (z & 7) << 6;
                     let known = (block.known[z & 7] >> (8 * (y & 7)) & if width == 8 { 0xff } else { 1 }) as u16;
-                    let mut inside = 0u16;
                     let to = 8 * shift_x + 9 * y + 81 * z;
-                    for x in 0..width {
-                        let distance = block.distance[first + x];
-                        patch.distance[to + x] = distance;
-                        inside |= u16::from(distance < 0) << x;
-                    }
+                    patch.distance[to..to + width].copy_from_slice(&block.distance[first..first + width]);
+                    // Only voxels near a surface can lie inside.
+                    let near = (block.near_surface[z & 7] >> (8 * (y & 7))) as u16 & known;
+                    let inside = ones(near).fold(0, |bits, x| bits | u16::from(block.distance[first + x] < 0) << x);
                     patch.inside[9 * z + y] |= (known & inside) << (8 * shift_x);
                     patch.outside[9 * z + y] |= (known & !inside) << (8 * shift_x);
                 }
@@ -304,21 +378,29 @@ impl Patch {
     fn cell_vertex(&self, base: usize) -> [f32; 3] {
         let d: [f32; 8] =
             std::array::from_fn(|k| f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)]));
-        let mut sum = [0f32; 3];
-        let mut crossings = 0f32;
-        for axis in 0..3 {
-            for a in (0..8usize).filter(|a| a >> axis & 1 == 0) {
-                let b = a | 1 << axis;
-                if (d[a] < 0.0) == (d[b] < 0.0) {
-                    continue;
-                }
-                for (other, value) in sum.iter_mut().enumerate() {
-                    *value += if other == axis { d[a] / (d[a] - d[b]) } else { (a >> other & 1) as f32 };
-                }
-                crossings += 1.0;
+        // The four edges of an axis together, without branches: selections of four lanes each.
+        let along = |first: [usize; 4], step: usize| {
+            let mut crossing = [0f32; 4];
+            let mut at = [0f32; 4];
+            for (lane, a) in first.into_iter().enumerate() {
+                let (a, b) = (d[a], d[a + step]);
+                let is_crossing = (a < 0.0) != (b < 0.0);
+                crossing[lane] = if is_crossing { 1.0 } else { 0.0 };
+                at[lane] = if is_crossing { a / (a - b) } else { 0.0 };
             }
-        }
-        sum.map(|s| s / crossings)
+            (crossing, at)
+        };
+        // Corner k lies at (k & 1, k >> 1 & 1, k >> 2): of the edges along an axis the lanes run over the other two.
+        let (cx, x) = along([0, 2, 4, 6], 1);
+        let (cy, y) = along([0, 1, 4, 5], 2);
+        let (cz, z) = along([0, 1, 2, 3], 4);
+        let sum = |v: [f32; 4]| (v[0] + v[1]) + (v[2] + v[3]);
+        let scale = 1.0 / (sum(cx) + sum(cy) + sum(cz));
+        [
+            (sum(x) + (cy[1] + cy[3]) + (cz[1] + cz[3])) * scale,
+            (sum(y) + (cx[1] + cx[3]) + (cz[2] + cz[3])) * scale,
+            (sum(z) + (cx[2] + cx[3]) + (cy[2] + cy[3])) * scale,
+        ]
     }
 }
 
@@ -329,12 +411,32 @@ struct Quad {
     flip: bool,
 }
 
+impl Quad {
+    /// The four cells round the edge, counter-clockwise from free space.
+    fn cells(&self, key: BlockKey) -> [[i32; 3]; 4] {
+        let first = key.first_voxel();
+        let axis = usize::from(self.axis);
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut cells = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(du, dv)| {
+            let mut cell = [0, 1, 2].map(|a| first[a] + i32::from(self.voxel[a]));
+            cell[u] -= 1 - du;
+            cell[v] -= 1 - dv;
+            cell
+        });
+        if self.flip {
+            cells.reverse();
+        }
+        cells
+    }
+}
+
 /// One block's cells, ascending, and quads.
 #[derive(Debug, Clone, Default)]
 struct MeshPart {
     cells: Vec<u16>,
     vertices: Vec<Point3<f32>>,
-    labels: Vec<u16>,
+    /// Label and instance.
+    tags: Vec<(u16, u16)>,
     quads: Vec<Quad>,
 }
 
@@ -342,7 +444,7 @@ impl MeshPart {
     fn clear(&mut self) {
         self.cells.clear();
         self.vertices.clear();
-        self.labels.clear();
+        self.tags.clear();
         self.quads.clear();
     }
 }
@@ -350,25 +452,41 @@ impl MeshPart {
 /// What a block looked like when it was last meshed.
 #[derive(Debug, Clone)]
 struct Shape {
-    known: [u64; 8],
+    known: VoxelSet,
+    /// Where the distance may be small.
+    near_surface: VoxelSet,
     distance: [i16; BLOCK_VOXELS],
     label: Option<Box<[u16; BLOCK_VOXELS]>>,
+    instance: Option<Box<[u16; BLOCK_VOXELS]>>,
 }
 
 impl Shape {
-    fn of(block: &Block) -> Self {
-        Self { known: block.known, distance: block.distance, label: block.votes.as_ref().map(|v| Box::new(v.label)) }
-    }
+    /// Of a block that was never meshed: every known voxel is new.
+    const NONE: Self =
+        Self { known: [0; 8], near_surface: [0; 8], distance: [0; BLOCK_VOXELS], label: None, instance: None };
 
-    /// Takes the distances of some voxels from an older shape.
-    fn keep(&mut self, voxels: &VoxelSet, old: &Self) {
-        for (z, layer) in voxels.iter().enumerate() {
-            let mut rest = *layer;
+    /// Takes over what the block looks like now, except for the distances of some voxels.
+    fn take(&mut self, block: &Block, kept: &VoxelSet) {
+        for (z, kept) in kept.iter().enumerate() {
+            let layer = 64 * z..64 * z + 64;
+            let mut old = [0; 64];
+            old.copy_from_slice(&self.distance[layer.clone()]);
+            self.distance[layer].copy_from_slice(&block.distance[64 * z..][..64]);
+            let mut rest = *kept;
             while rest != 0 {
-                let local = 64 * z + rest.trailing_zeros() as usize;
+                let local = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                self.distance[local] = old.distance[local];
+                self.distance[64 * z + local] = old[local];
             }
+            self.near_surface[z] = block.near_surface[z] | self.near_surface[z] & *kept;
+        }
+        self.known = block.known;
+        if let Some(votes) = &block.votes {
+            match &mut self.label {
+                Some(label) => label.copy_from_slice(&votes.label),
+                None => self.label = Some(Box::new(votes.label)),
+            }
+            self.instance.clone_from(&votes.instance);
         }
     }
 
@@ -376,11 +494,13 @@ impl Shape {
     fn moved(&self, block: &Block, tolerance: &Tolerance) -> VoxelSet {
         let mut moved: VoxelSet = std::array::from_fn(|z| self.known[z] ^ block.known[z]);
         for (z, moved) in moved.iter_mut().enumerate() {
+            if tolerance.moved > 0 && self.near_surface[z] | block.near_surface[z] == 0 {
+                continue;
+            }
             let (old, new) = (&self.distance[64 * z..][..64], &block.distance[64 * z..][..64]);
             // Only near the surface: a voxel far from it that changes moves no vertex.
             let is_moved = |(a, b): (&i16, &i16)| {
-                (a.abs_diff(*b) > tolerance.moved as u16)
-                    & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near as u16)
+                (a.abs_diff(*b) > tolerance.moved) & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near)
             };
             if old.iter().zip(new).fold(false, |any, pair| any | is_moved(pair)) {
                 for (bit, pair) in old.iter().zip(new).enumerate() {
@@ -388,12 +508,17 @@ impl Shape {
                 }
             }
         }
-        let votes = block.votes.as_ref().map(|votes| &votes.label);
         let none = [0; BLOCK_VOXELS];
-        let (old, new) = (self.label.as_deref().unwrap_or(&none), votes.unwrap_or(&none));
-        if old != new {
-            for (local, (old, new)) in old.iter().zip(new).enumerate() {
-                moved[local >> 6] |= u64::from(old != new) << (local & 63);
+        let votes = block.votes.as_ref();
+        for (old, new) in [
+            (self.label.as_deref(), votes.map(|votes| &votes.label)),
+            (self.instance.as_deref(), votes.and_then(|votes| votes.instance.as_deref())),
+        ] {
+            let (old, new) = (old.unwrap_or(&none), new.unwrap_or(&none));
+            if old != new {
+                for (local, (old, new)) in old.iter().zip(new).enumerate() {
+                    moved[local >> 6] |= u64::from(old != new) << (local & 63);
+                }
             }
         }
         moved
@@ -403,9 +528,9 @@ impl Shape {
 /// In stored units.
 struct Tolerance {
     /// A voxel has moved if its distance changed by more than this.
-    moved: i16,
+    moved: u16,
     /// And was or is nearer to the surface than this.
-    near: i16,
+    near: u16,
 }
 
 /// In a layer: all voxels, x = 0, y = 0, x = y = 0.
@@ -421,6 +546,8 @@ pub(crate) struct MeshCache {
     parts: Vec<(BlockKey, MeshPart)>,
     rank: FxHashMap<u64, usize>,
     shape: FxHashMap<u64, Box<Shape>>,
+    /// Blocks to mesh again when their neighbours are back from the archive.
+    waiting: Vec<BlockKey>,
 }
 
 impl MeshCache {

@@ -6,14 +6,15 @@
 //! opens a new one. Where two regions first touch, their edge is born, and the clearance of that cell is the widest that anything
 //! can have on the way from one to the other. So the graph is connected exactly where free space is, by construction.
 //!
-//! Places of the last update open their regions first, moved a little to the best cell near by: ids persist, and are never reused.
+//! An update floods again what changed, and leaves the rest standing: it costs what changed. The places there open their regions first,
+//! moved a little to the best cell near by: ids persist, and are never reused.
 
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 use thiserror::Error;
 
 use crate::distance_field::DistanceField;
-use crate::watershed::{Flood, NO_REGION};
+use crate::watershed::Watershed;
 
 /// Name of a place, never reused. Prints as "P7".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -145,9 +146,7 @@ pub struct PlaceGraph {
     edges: Vec<PlaceEdge>,
     next_id: u64,
     seen_version: Option<u64>,
-    /// Index into `places` per cell of the field seen last, [`NO_REGION`] outside; and that field's layout.
-    region: Vec<u32>,
-    layout: ([i32; 3], [usize; 3], f64),
+    watershed: Watershed,
 }
 
 impl PlaceGraph {
@@ -163,8 +162,7 @@ impl PlaceGraph {
             edges: Vec::new(),
             next_id: 0,
             seen_version: None,
-            region: Vec::new(),
-            layout: ([0; 3], [0; 3], 1.0),
+            watershed: Watershed::default(),
         })
     }
 
@@ -176,8 +174,7 @@ impl PlaceGraph {
             return Vec::new();
         }
         self.seen_version = Some(field.version());
-        let flood = Flood::run(field, &self.config, &self.places);
-        let (places, edges, region) = flood.finish(&mut self.next_id);
+        let (places, edges) = self.watershed.update(field, &self.config, &mut self.next_id);
         let mut events = Vec::new();
         let mut kept = FxHashMap::default();
         for place in &places {
@@ -225,8 +222,6 @@ impl PlaceGraph {
         }
         self.places = settled;
         self.edges = settled_edges;
-        self.region = region;
-        self.layout = (field.low, field.size, field.resolution_m);
         events
     }
 
@@ -247,17 +242,12 @@ impl PlaceGraph {
 
     /// The place whose region holds a world point; `None` outside all regions (too near to an obstacle, or unknown).
     pub fn place_at(&self, point: &Point3<f64>) -> Option<PlaceId> {
-        let (low, size, resolution_m) = self.layout;
-        let mut number = 0;
-        for axis in [2, 1, 0] {
-            let q = (point[axis] / resolution_m).floor() - f64::from(low[axis]);
-            if !(q >= 0.0 && q < size[axis] as f64) {
-                return None;
-            }
-            number = number * size[axis] + q as usize;
-        }
-        let place = *self.region.get(number)?;
-        (place != NO_REGION).then(|| self.places[place as usize].id)
+        self.watershed.place_at(point)
+    }
+
+    /// Cells that the last update that had something to do flooded: what it cost.
+    pub fn flooded_cells(&self) -> usize {
+        self.watershed.flooded
     }
 
     /// Checks what must hold between the parts; for tests.
@@ -279,10 +269,7 @@ impl PlaceGraph {
                 "a place has clearance and an obstacle or the limit"
             );
         }
-        assert!(
-            self.region.iter().all(|r| *r == NO_REGION || (*r as usize) < self.places.len()),
-            "regions name places"
-        );
+        self.watershed.check_invariants();
     }
 }
 

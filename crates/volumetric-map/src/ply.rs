@@ -1,4 +1,4 @@
-//! Meshes as binary PLY files: `float x, y, z`, `ushort label`, triangles as `list uchar uint vertex_indices`; and the points of
+//! Meshes as binary PLY files: `float x, y, z`, `ushort label`, `ushort instance` if the mesh knows any, triangles as `list uchar uint vertex_indices`; and the points of
 //! PLY files that others wrote ([`points`]).
 
 pub mod points;
@@ -72,16 +72,20 @@ impl Mesh {
         write!(
             out,
             "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
-             property ushort label\nelement face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+             property ushort label\n{}element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
             self.vertices.len(),
+            if self.instances.is_empty() { "" } else { "property ushort instance\n" },
             self.faces.len()
         )?;
-        let mut bytes = Vec::with_capacity(14 * self.vertices.len().max(self.faces.len()));
-        for (vertex, label) in self.vertices.iter().zip(&self.labels) {
+        let mut bytes = Vec::with_capacity(16 * self.vertices.len().max(self.faces.len()));
+        for (number, (vertex, label)) in self.vertices.iter().zip(&self.labels).enumerate() {
             for c in vertex.iter() {
                 bytes.extend_from_slice(&c.to_le_bytes());
             }
             bytes.extend_from_slice(&label.to_le_bytes());
+            if !self.instances.is_empty() {
+                bytes.extend_from_slice(&self.instances[number].to_le_bytes());
+            }
         }
         out.write_all(&bytes)?;
         bytes.clear();
@@ -95,7 +99,8 @@ impl Mesh {
         out.flush()
     }
 
-    /// Reads a binary PLY: positions, labels if there are any (`label`), other properties are skipped; polygons are split into fans.
+    /// Reads a binary PLY: positions, labels and instances if there are any (`label`, `instance`; what exceeds 65535 becomes
+    /// that), other properties are skipped; polygons are split into fans.
     ///
     /// # Errors
     /// [`PlyError`] says what is wrong with the file.
@@ -134,19 +139,19 @@ impl Volume {
 
 fn read_vertices(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> Result<(), PlyError> {
     let mut at = 0;
-    let mut offset = [None; 4];
+    let mut offset = [None; 5];
     for property in &element.properties {
         let Kind::Scalar(scalar) = property.kind else {
             return Err(PlyError::Unsupported { line: property.line });
         };
-        for (k, name) in ["x", "y", "z", "label"].into_iter().enumerate() {
-            if property.name == name && (k == 3 || scalar == Scalar::F32) {
+        for (k, name) in ["x", "y", "z", "label", "instance"].into_iter().enumerate() {
+            if property.name == name && (k >= 3 || scalar == Scalar::F32) {
                 offset[k] = Some((at, scalar));
             }
         }
         at += scalar.size();
     }
-    let [Some((x, _)), Some((y, _)), Some((z, _)), label] = offset else {
+    let [Some((x, _)), Some((y, _)), Some((z, _)), label, instance] = offset else {
         return Err(PlyError::NoPosition);
     };
     let mut row = vec![0u8; at];
@@ -154,7 +159,9 @@ fn read_vertices(input: &mut impl Read, element: &Element, mesh: &mut Mesh) -> R
         input.read_exact(&mut row)?;
         let float = |from: usize| f32::from_le_bytes([row[from], row[from + 1], row[from + 2], row[from + 3]]);
         mesh.vertices.push(Point3::new(float(x), float(y), float(z)));
-        mesh.labels.push(label.map_or(0, |(from, scalar)| scalar.whole(&row[from..]).min(65_535) as u16));
+        let whole = |(from, scalar): (usize, Scalar)| scalar.whole(&row[from..]).min(65_535) as u16;
+        mesh.labels.push(label.map_or(0, whole));
+        mesh.instances.extend(instance.map(whole));
     }
     Ok(())
 }

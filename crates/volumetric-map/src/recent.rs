@@ -37,10 +37,32 @@ impl Recent {
         self.put_first(id);
     }
 
+    /// A block is gone; the last one takes its number.
+    pub fn remove(&mut self, id: u32) {
+        let [newer, older] = self.beside[id as usize];
+        self.tie(newer, older);
+        let moved = self.beside.pop().expect("there is a block to remove");
+        if (id as usize) < self.beside.len() {
+            self.beside[id as usize] = moved;
+            self.tie(moved[0], id);
+            self.tie(id, moved[1]);
+        }
+    }
+
     /// All blocks, newest change first.
     pub fn iter(&self) -> impl Iterator<Item = u32> {
         let at = |id: u32| (id != NONE).then_some(id);
         std::iter::successors(at(self.newest), move |id| at(self.beside[*id as usize][1]))
+    }
+
+    fn tie(&mut self, newer: u32, older: u32) {
+        match newer {
+            NONE => self.newest = older,
+            newer => self.beside[newer as usize][1] = older,
+        }
+        if older != NONE {
+            self.beside[older as usize][0] = newer;
+        }
     }
 
     fn put_first(&mut self, id: u32) {
@@ -69,5 +91,13 @@ mod tests {
         assert_eq!(recent.iter().collect::<Vec<_>>(), [3, 0, 1, 2]);
         recent.renew(2);
         assert_eq!(recent.iter().collect::<Vec<_>>(), [2, 3, 0, 1]);
+        // Number 3 becomes number 0.
+        recent.remove(0);
+        assert_eq!(recent.iter().collect::<Vec<_>>(), [2, 0, 1]);
+        recent.remove(2);
+        assert_eq!(recent.iter().collect::<Vec<_>>(), [0, 1]);
+        recent.remove(0);
+        recent.remove(0);
+        assert_eq!(recent.iter().count(), 0);
     }
 }

@@ -1,19 +1,21 @@
 //! The volume as a file: versioned, checksummed, read with typed errors.
 //!
-//! Layout, little-endian: `OMNIVOL\0`, u16 major, u16 minor, the configuration, u32 revision, u64 block count, then the blocks in ascending key
+//! Layout, little-endian: `OMNIVOL\0`, u16 major, u16 minor, the configuration, u32 revision, u32 scans (not in version 1), u64 block count, then the blocks in ascending key
 //! order, then a 64-bit FNV-1a sum of everything before it. A block is its key (x, y, z as i32), a flag byte (bit 0: carries
-//! votes, bit 1: all known voxels are firmly free), the occupied set, 512 weights, 512 distances unless firmly free, and the votes.
+//! votes, bit 1: all known voxels are firmly free, bit 2: its votes name instances), the occupied set, 512 weights, 512 distances unless
+//! firmly free, and the votes: 512 labels, 512 leads, 512 instances if there are any.
 
 use std::io::{Read, Write};
 
 use thiserror::Error;
 
-use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE, Votes};
+use crate::block::{ALL_VOXELS, BLOCK_VOXELS, Block, BlockKey, DISTANCE_ONE};
 use crate::config::{ConfigError, VolumeConfig};
 use crate::volume::{MAX_VOXEL_INDEX, Volume};
+use crate::votes::Votes;
 
 const MAGIC: [u8; 8] = *b"OMNIVOL\0";
-const MAJOR: u16 = 1;
+const MAJOR: u16 = 2;
 const MINOR: u16 = 0;
 
 /// A volume file that cannot be read.
@@ -65,6 +67,7 @@ impl Volume {
         out.write_all(&(c.clear_every as u64).to_le_bytes())?;
         out.write_all(&(c.max_blocks as u64).to_le_bytes())?;
         out.write_all(&self.revision.to_le_bytes())?;
+        out.write_all(&self.scans.to_le_bytes())?;
         out.write_all(&(self.blocks.len() as u64).to_le_bytes())?;
         let mut blocks: Vec<&Block> = self.blocks.iter().collect();
         blocks.sort_unstable_by_key(|b| b.key);
@@ -75,7 +78,8 @@ impl Volume {
                 bytes.extend_from_slice(&v.to_le_bytes());
             }
             let is_free = (0..BLOCK_VOXELS).all(|i| block.distance[i] == free_distance(block.weight[i]));
-            bytes.push(u8::from(block.votes.is_some()) | u8::from(is_free) << 1);
+            let has_instances = block.votes.as_ref().is_some_and(|votes| votes.instance.is_some());
+            bytes.push(u8::from(block.votes.is_some()) | u8::from(is_free) << 1 | u8::from(has_instances) << 2);
             bytes.extend(block.occupied.iter().flat_map(|word| word.to_le_bytes()));
             bytes.extend_from_slice(&block.weight);
             if !is_free {
@@ -84,6 +88,7 @@ impl Volume {
             if let Some(votes) = &block.votes {
                 bytes.extend(votes.label.iter().flat_map(|l| l.to_le_bytes()));
                 bytes.extend_from_slice(&votes.count);
+                bytes.extend(votes.instance.iter().flat_map(|all| all.iter()).flat_map(|i| i.to_le_bytes()));
             }
             out.write_all(&bytes)?;
         }
@@ -128,6 +133,7 @@ impl Volume {
             max_blocks,
         })?;
         volume.revision = u32::from_le_bytes(input.take()?).max(1);
+        volume.scans = if major == 1 { volume.revision } else { u32::from_le_bytes(input.take()?) };
         let count = u64::from_le_bytes(input.take()?);
         if count > volume.config.max_blocks as u64 {
             return Err(LoadError::TooManyBlocks(count));
@@ -153,7 +159,7 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
     let [x, y, z] = [input.take()?, input.take()?, input.take()?].map(i32::from_le_bytes);
     let limit = MAX_VOXEL_INDEX as i32 / 8;
     let [flags] = input.take()?;
-    if [x, y, z].iter().any(|v| *v < -limit || *v >= limit) || flags > 3 {
+    if [x, y, z].iter().any(|v| *v < -limit || *v >= limit) || flags > 7 || flags & 5 == 4 {
         return Err(LoadError::Block(number));
     }
     let mut block = Block::new(BlockKey { x, y, z });
@@ -177,13 +183,13 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
         return Err(LoadError::Block(number));
     }
     if flags & 1 == 1 {
-        let mut votes = Votes { label: [0; BLOCK_VOXELS], count: [0; BLOCK_VOXELS] };
-        let bytes: [u8; 2 * BLOCK_VOXELS] = input.take()?;
-        for (label, pair) in votes.label.iter_mut().zip(bytes.chunks_exact(2)) {
-            *label = u16::from_le_bytes([pair[0], pair[1]]);
-        }
+        let mut votes = Votes::none();
+        votes.label = take_words(input)?;
         votes.count = input.take()?;
-        block.votes = Some(Box::new(votes));
+        if flags & 4 == 4 {
+            votes.instance = Some(Box::new(take_words(input)?));
+        }
+        block.votes = Some(votes);
     }
     // The hysteresis keeps what the file says as long as the distances allow it.
     block.refresh(&ALL_VOXELS, &volume.thresholds);
@@ -193,6 +199,11 @@ fn read_block<R: Read>(input: &mut Summed<R>, number: u64, volume: &Volume) -> R
     block.occupancy_revision = volume.revision;
     block.surface_revision = volume.revision;
     Ok(block)
+}
+
+fn take_words<R: Read>(input: &mut Summed<R>) -> std::io::Result<[u16; BLOCK_VOXELS]> {
+    let bytes: [u8; 2 * BLOCK_VOXELS] = input.take()?;
+    Ok(std::array::from_fn(|i| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]])))
 }
 
 /// What an untouched or a firmly free voxel holds.

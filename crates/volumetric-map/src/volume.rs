@@ -1,13 +1,14 @@
 //! The hashed truncated signed distance volume: 8^3-voxel blocks that know their neighbours.
 
 use nalgebra::{Point3, Vector3};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::block::{ALL_VOXELS, Block, BlockKey, NONE, Thresholds, Votes, contains, local_of};
+use crate::block::{ALL_VOXELS, Block, BlockKey, NONE, Thresholds, contains, local_of};
 use crate::config::{ConfigError, VolumeConfig};
 use crate::mesh::MeshCache;
 use crate::ray::floor;
 use crate::recent::Recent;
+use crate::votes::Votes;
 
 /// What the map says about a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -36,7 +37,11 @@ pub struct Volume {
     index: FxHashMap<u64, u32>,
     /// Number of the last change (scan or vote).
     pub(crate) revision: u32,
+    /// Scans integrated so far: whose turn it is to clear.
+    pub(crate) scans: u32,
     pub(crate) mesh_cache: MeshCache,
+    /// Keys of blocks that are kept elsewhere (see `archive`).
+    pub(crate) archived: FxHashSet<u64>,
 }
 
 /// A block in the net of blocks; small, so that walks stay in the cache.
@@ -63,8 +68,26 @@ impl Volume {
             recent: Recent::default(),
             index: FxHashMap::default(),
             revision: 0,
+            scans: 0,
             mesh_cache: MeshCache::default(),
+            archived: FxHashSet::default(),
         })
+    }
+
+    /// An empty volume with the same settings.
+    pub(crate) fn empty_copy(&self) -> Self {
+        Self {
+            config: self.config.clone(),
+            thresholds: self.thresholds.clone(),
+            blocks: Vec::new(),
+            nodes: Vec::new(),
+            recent: Recent::default(),
+            index: FxHashMap::default(),
+            revision: self.revision,
+            scans: 0,
+            mesh_cache: MeshCache::default(),
+            archived: FxHashSet::default(),
+        }
     }
 
     /// The configuration it was made with.
@@ -98,42 +121,52 @@ impl Volume {
 
     /// The label that leads in the voxel at a world point; `None` where nobody voted.
     pub fn label_at(&self, point: &Point3<f64>) -> Option<u16> {
+        self.leader_at(point).map(|(label, _)| label)
+    }
+
+    /// The instance that leads in the voxel at a world point; `None` where nobody voted for one.
+    pub fn instance_at(&self, point: &Point3<f64>) -> Option<u16> {
+        self.leader_at(point).map(|(_, instance)| instance).filter(|instance| *instance != 0)
+    }
+
+    fn leader_at(&self, point: &Point3<f64>) -> Option<(u16, u16)> {
         let voxel = self.voxel_of(point)?;
-        let votes = self.block(BlockKey::of_voxel(voxel))?.votes.as_ref()?;
-        let local = local_of(voxel);
-        (votes.count[local] > 0).then_some(votes.label[local])
+        self.block(BlockKey::of_voxel(voxel))?.votes.as_ref()?.leader(local_of(voxel))
     }
 
     /// Votes for the label of the voxels that hold the points: a Misra-Gries count with one slot, so that the majority of a
     /// voxel's votes wins whatever their order. Label 0 means "none" and is skipped, as are points that are not finite or
     /// lie where the map has no block (integrate first, then vote). Returns the number of votes counted.
     pub fn vote_labels(&mut self, labelled: &[(Point3<f32>, u16)]) -> usize {
+        self.vote(labelled.iter().map(|(point, label)| (point, *label, 0)))
+    }
+
+    /// The same with an instance (0 = none known) beside each label: (point, label, instance). What is voted for is the pair, so
+    /// two things of one label keep apart where they touch.
+    pub fn vote_instances(&mut self, labelled: &[(Point3<f32>, u16, u16)]) -> usize {
+        self.vote(labelled.iter().map(|(point, label, instance)| (point, *label, *instance)))
+    }
+
+    fn vote<'a>(&mut self, labelled: impl Iterator<Item = (&'a Point3<f32>, u16, u16)>) -> usize {
         self.revision += 1;
-        let revision = self.revision;
         let mut counted = 0;
-        for (point, label) in labelled {
+        // Neighbouring points mostly lie in the same block: saves the hash.
+        let mut last: Option<(BlockKey, u32)> = None;
+        for (point, label, instance) in labelled.filter(|(_, label, _)| *label != 0) {
             let Some(voxel) = self.voxel_of(&point.cast::<f64>()) else {
                 continue;
             };
-            let Some(id) = self.block_id(BlockKey::of_voxel(voxel)) else {
+            let key = BlockKey::of_voxel(voxel);
+            let known = last.filter(|(other, _)| *other == key).map(|(_, id)| id);
+            let Some(id) = known.or_else(|| self.block_id(key)) else {
                 continue;
             };
-            if *label == 0 {
-                continue;
-            }
+            last = Some((key, id));
             counted += 1;
             let block = &mut self.blocks[id as usize];
-            let local = local_of(voxel);
-            let votes = block.votes.get_or_insert_with(|| Box::new(Votes { label: [0; 512], count: [0; 512] }));
-            if votes.count[local] == 0 {
-                votes.label[local] = *label;
-                votes.count[local] = 1;
-                block.surface_revision = revision;
+            if block.votes.get_or_insert_with(Votes::none).vote(local_of(voxel), label, instance, 1) {
+                block.surface_revision = self.revision;
                 self.recent.renew(id);
-            } else if votes.label[local] == *label {
-                votes.count[local] = votes.count[local].saturating_add(1);
-            } else {
-                votes.count[local] -= 1;
             }
         }
         counted
@@ -178,10 +211,16 @@ impl Volume {
         self.recent.iter().map(|id| &self.blocks[id as usize]).take_while(move |b| b.newest_revision() > revision)
     }
 
-    /// Bytes taken by the blocks.
+    /// Number of voxels that took at least one observation.
+    pub fn observed_voxels(&self) -> usize {
+        self.blocks.iter().map(|block| block.weight.iter().filter(|weight| **weight > 0).count()).sum()
+    }
+
+    /// Bytes taken by the blocks, their votes and the index (with its room to grow); the mesh is not counted.
     pub fn memory_bytes(&self) -> usize {
-        let votes = self.blocks.iter().filter(|b| b.votes.is_some()).count() * size_of::<Votes>();
-        self.blocks.len() * (size_of::<Block>() + size_of::<Node>() + size_of::<[u32; 2]>()) + votes
+        let votes: usize = self.blocks.iter().filter_map(|b| b.votes.as_ref()).map(|votes| votes.bytes()).sum();
+        let index = self.index.capacity() * 8 / 7 * (size_of::<(u64, u32)>() + 1);
+        self.blocks.len() * (size_of::<Block>() + size_of::<Node>() + size_of::<[u32; 2]>()) + votes + index
     }
 
     /// Checks everything that must hold between the parts; for tests.
@@ -251,6 +290,7 @@ impl Volume {
         let id = self.blocks.len() as u32;
         let key = block.key;
         self.index.insert(key.packed(), id);
+        self.archived.remove(&key.packed());
         let is_settled = block.settled == ALL_VOXELS;
         self.blocks.push(block);
         self.nodes.push(Node { links: [NONE; 6], is_settled });
@@ -263,6 +303,32 @@ impl Volume {
             }
         }
         id
+    }
+}
+
+impl Volume {
+    /// Takes a block out; the last one takes its number.
+    pub(crate) fn remove_block(&mut self, id: u32) -> Block {
+        self.index.remove(&self.blocks[id as usize].key.packed());
+        self.tie_neighbours(id, NONE);
+        self.recent.remove(id);
+        let block = self.blocks.swap_remove(id as usize);
+        self.nodes.swap_remove(id as usize);
+        if (id as usize) < self.blocks.len() {
+            self.index.insert(self.blocks[id as usize].key.packed(), id);
+            self.tie_neighbours(id, id);
+        }
+        block
+    }
+
+    /// Lets the neighbours of a block link to this number instead.
+    fn tie_neighbours(&mut self, id: u32, number: u32) {
+        for side in 0..6 {
+            let neighbour = self.nodes[id as usize].links[side];
+            if neighbour != NONE {
+                self.nodes[neighbour as usize].links[side ^ 1] = number;
+            }
+        }
     }
 }
 

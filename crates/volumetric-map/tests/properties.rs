@@ -204,8 +204,8 @@ mod volume {
         assert!(matches!(Volume::load(&b"hello"[..]), Err(LoadError::NotAVolume)));
         let mut bytes = bytes_of(&Volume::new(VolumeConfig::default()).unwrap());
         assert_eq!(Volume::load(&bytes[..]).unwrap().block_count(), 0);
-        bytes[8] = 2;
-        assert!(matches!(Volume::load(&bytes[..]), Err(LoadError::NewerVersion { found: 2, supported: 1 })));
+        bytes[8] = 3;
+        assert!(matches!(Volume::load(&bytes[..]), Err(LoadError::NewerVersion { found: 3, supported: 2 })));
     }
 
     #[test]
@@ -467,6 +467,27 @@ mod mesh {
             let mut bytes = Vec::new();
             volume.write_mesh_ply(&mut bytes).unwrap();
             prop_assert_eq!(Mesh::read_ply(&bytes[..]).unwrap(), mesh);
+        }
+
+        #[test]
+        fn completing_the_mesh_again_and_again_gives_what_a_rebuild_gives(scans in prop::collection::vec(scan(), 1..5), lags in any::<u8>()) {
+            let mut volume = Volume::new(VolumeConfig::default()).unwrap();
+            for (k, (origin, points)) in scans.iter().enumerate() {
+                for _ in 0..3 {
+                    volume.integrate(origin, points).unwrap();
+                    // Some updates leave small changes out: they must not be forgotten.
+                    if lags >> k & 1 == 1 {
+                        volume.update_mesh();
+                    }
+                }
+                let labelled: Vec<_> = points.iter().take(k).map(|p| (*p, 3)).collect();
+                volume.vote_labels(&labelled);
+                volume.complete_mesh();
+                let mut rebuilt = volume.clone();
+                let delta = rebuilt.rebuild_mesh();
+                prop_assert_eq!(volume.mesh(), rebuilt.mesh());
+                prop_assert_eq!((delta.vertices, delta.faces / 2), (volume.mesh().vertices.len(), delta.faces - delta.faces / 2));
+            }
         }
 
         #[test]

@@ -27,6 +27,7 @@ pub const CABINET: u16 = 5;
 
 pub const HEIGHT: f64 = 2.5;
 pub const DOOR_HEIGHT: f64 = 2.05;
+pub const STOREY: f64 = 2.9;
 
 impl World {
     pub fn push(&mut self, min: [f64; 3], max: [f64; 3], label: u16) {
@@ -100,6 +101,30 @@ impl World {
         world
     }
 
+    /// Thirty rooms of 4 m x 4 m on two storeys, fifteen each in three rows of five; and a way through all rooms of a storey that passes
+    /// each door once. The upper floor lies at [`STOREY`].
+    pub fn thirty_rooms() -> (Self, Vec<[f64; 2]>) {
+        let mut storey = Self::shell(0.0, 0.0, 20.0, 12.0);
+        for k in 1..5 {
+            let at = 4.0 * f64::from(k);
+            storey.wall(false, at, 0.0, 12.0, &[[1.5, 2.5], [5.5, 6.5], [9.5, 10.5]]);
+        }
+        // The rows hang together at their ends only.
+        storey.wall(true, 4.0, 0.0, 20.0, &[[17.5, 18.5]]);
+        storey.wall(true, 8.0, 0.0, 20.0, &[[1.5, 2.5]]);
+        for (column, row) in (0..15).map(|room| (room % 5, room / 5)) {
+            let (x, y) = (4.0 * f64::from(column), 4.0 * f64::from(row));
+            storey.push([x + 0.2, y + 0.2, 0.0], [x + 0.7, y + 1.0 + 0.04 * f64::from(column), 1.2], CABINET);
+            storey.table(x + 3.2, y + 3.3, 0.8, 0.6);
+        }
+        let mut world = storey.clone();
+        for solid in storey.solids {
+            let up = Vector3::new(0.0, 0.0, STOREY);
+            world.solids.push(Solid { min: solid.min + up, max: solid.max + up, label: solid.label });
+        }
+        (world, vec![[2.0, 2.0], [18.0, 2.0], [18.0, 6.0], [2.0, 6.0], [2.0, 10.0], [18.0, 10.0]])
+    }
+
     /// An empty corridor, 14 m long and 2 m wide.
     pub fn corridor() -> Self {
         Self::shell(0.0, 0.0, 14.0, 2.0)
@@ -162,6 +187,8 @@ pub struct Lidar {
     pub noise_m: f64,
     pub tilt_rad: f64,
     pub motor_radps: f64,
+    /// Between the lowest and the highest ring.
+    pub fov_rad: f64,
     rng: ChaCha8Rng,
     scans: u32,
 }
@@ -174,6 +201,7 @@ impl Lidar {
             noise_m,
             tilt_rad: 30f64.to_radians(),
             motor_radps: std::f64::consts::PI,
+            fov_rad: 45f64.to_radians(),
             rng: ChaCha8Rng::seed_from_u64(seed),
             scans: 0,
         }
@@ -193,11 +221,10 @@ impl Lidar {
         let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
         self.scans += 1;
         let mut points = Vec::with_capacity(self.rings * self.columns);
-        let fov = 45f64.to_radians();
         for column in 0..self.columns {
             let azimuth = std::f64::consts::TAU * column as f64 / self.columns as f64;
             for ring in 0..self.rings {
-                let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * fov;
+                let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * self.fov_rad;
                 let ray =
                     Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
                 let in_sensor = motor * tilt * ray;

@@ -1,0 +1,363 @@
+//! `omnivln fuse DIR --out mesh.ply`: a folder of posed scans becomes a surface, a distance field and places.
+//!
+//! The folder holds `poses.csv` (columns `index`, `tx ty tz`, `qx qy qz qw`: world from sensor) and `scan_0000.ply` and so on
+//! (binary, `float x y z` in the sensor's frame, `ushort label` and `ushort instance` if there are any). Everything is brought up to date after each scan, as
+//! on a robot; the times are CPU seconds of the thread that does it, reading not included.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::mpsc::sync_channel;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail, ensure};
+use arena::mission::volumetric_map::{DistanceField, Mesh, PlaceConfig, PlaceGraph, Volume, VolumeConfig};
+use clap::{Args, ValueEnum};
+use cpu_time::ThreadTime;
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
+use serde_json::{Value, json};
+
+/// What a ray tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    /// The surface it ends at; nothing that went away is cleared, there is no free space and so no places
+    Band,
+    /// The surface, and that the way to it is free
+    Clear,
+}
+
+/// Options of `fuse`.
+#[derive(Debug, Args)]
+pub struct FuseOptions {
+    /// Folder with poses.csv and scan_0000.ply, ...
+    scans: PathBuf,
+    /// Edge of a voxel, metres
+    #[arg(long, default_value_t = 0.05, value_name = "METRES")]
+    voxel: f64,
+    /// Surfaces only, or free space too
+    #[arg(long, value_enum, default_value_t = Mode::Clear)]
+    mode: Mode,
+    /// With 2 or more, scans are read while others are fused; the results are the same, byte by byte
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    threads: usize,
+    /// Mesh file to write (binary PLY)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Places and their edges, as JSON
+    #[arg(long, value_name = "FILE")]
+    places: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Reads, fuses, writes, prints.
+pub fn run(options: &FuseOptions) -> Result<ExitCode> {
+    ensure!((1..=64).contains(&options.threads), "--threads must be between 1 and 64, not {}", options.threads);
+    ensure!(options.places.is_none() || options.mode == Mode::Clear, "--places needs free space: use --mode clear");
+    let config = volume_config(options.voxel);
+    config.validate().with_context(|| format!("--voxel {}", options.voxel))?;
+    let poses = read_poses(&options.scans.join("poses.csv"))?;
+    let mut map = Map::new(config, options.mode)?;
+    let read = |(file, pose): &(PathBuf, Isometry3<f64>)| -> Result<PosedScan> { PosedScan::read(file, pose) };
+    if options.threads == 1 {
+        for (number, entry) in poses.iter().enumerate() {
+            map.fold(&read(entry)?)?;
+            map.tell(number, poses.len(), options.quiet);
+        }
+    } else {
+        std::thread::scope(|scope| -> Result<()> {
+            // Two scans ahead are enough to keep the other thread busy, and bound the memory.
+            let (send, receive) = sync_channel(2);
+            let entries = &poses;
+            scope.spawn(move || {
+                for entry in entries {
+                    // The other side is gone once something failed there: nothing more to read.
+                    if send.send(read(entry)).is_err() {
+                        return;
+                    }
+                }
+            });
+            for (number, scan) in receive.into_iter().enumerate() {
+                map.fold(&scan?)?;
+                map.tell(number, poses.len(), options.quiet);
+            }
+            Ok(())
+        })?;
+    }
+    let mesh = map.complete_mesh();
+    write_whole(&options.out, |out| mesh.write_ply(out))?;
+    if let Some(file) = &options.places {
+        let text = serde_json::to_string(&places_json(&map.places))?;
+        write_whole(file, |out| out.write_all(text.as_bytes()))?;
+    }
+    let summary = map.summary(&mesh);
+    if options.json {
+        println!("{summary}");
+    } else {
+        print_summary(&summary);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Lengths in proportion to the voxel: the band reaches four voxels in front of a surface and one and a half behind it.
+fn volume_config(voxel_m: f64) -> VolumeConfig {
+    VolumeConfig {
+        voxel_m,
+        truncation_m: 4.0 * voxel_m,
+        behind_m: 1.5 * voxel_m,
+        max_range_m: 20.0f64.min(10_000.0 * voxel_m),
+        min_weight: 1,
+        ..VolumeConfig::default()
+    }
+}
+
+/// What grows with the scans, and what it costs.
+struct Map {
+    mode: Mode,
+    volume: Volume,
+    field: DistanceField,
+    places: PlaceGraph,
+    scans: usize,
+    points: usize,
+    skipped: usize,
+    cpu: [Duration; 5],
+}
+
+/// Numbers of the stages in [`Map::cpu`].
+const INTEGRATE: usize = 0;
+const LABELS: usize = 1;
+const MESH: usize = 2;
+const DISTANCE: usize = 3;
+const PLACES: usize = 4;
+
+impl Map {
+    fn new(config: VolumeConfig, mode: Mode) -> Result<Self> {
+        let resolution_m = 2.0 * config.voxel_m;
+        Ok(Self {
+            mode,
+            volume: Volume::new(config)?,
+            field: DistanceField::new(resolution_m, 20.0 * resolution_m),
+            places: PlaceGraph::new(PlaceConfig::default())?,
+            scans: 0,
+            points: 0,
+            skipped: 0,
+            cpu: [Duration::ZERO; 5],
+        })
+    }
+
+    fn fold(&mut self, scan: &PosedScan) -> Result<()> {
+        let Self { volume, field, places, cpu, .. } = self;
+        let report = timed(&mut cpu[INTEGRATE], || match self.mode {
+            Mode::Band => volume.integrate_band(&scan.origin, &scan.points),
+            Mode::Clear => volume.integrate(&scan.origin, &scan.points),
+        })
+        .with_context(|| format!("the pose of {}", scan.file.display()))?;
+        ensure!(
+            report.refused_blocks == 0,
+            "{}: the map is full ({} blocks); the pose may be wrong, or --voxel is too small for this place",
+            scan.file.display(),
+            volume.config().max_blocks
+        );
+        timed(&mut cpu[LABELS], || volume.vote_instances(&scan.labelled));
+        timed(&mut cpu[MESH], || volume.update_mesh());
+        if self.mode == Mode::Clear {
+            let update = timed(&mut cpu[DISTANCE], || field.update(volume));
+            ensure!(
+                update.refused_blocks == 0,
+                "{}: the distance field cannot span the map; the pose may be wrong",
+                scan.file.display()
+            );
+            timed(&mut cpu[PLACES], || places.update(field));
+        }
+        self.scans += 1;
+        self.points += scan.points.len();
+        self.skipped += report.non_finite + report.too_near;
+        Ok(())
+    }
+
+    /// The mesh with every change in it.
+    fn complete_mesh(&mut self) -> Mesh {
+        timed(&mut self.cpu[MESH], || self.volume.complete_mesh());
+        self.volume.mesh()
+    }
+
+    fn tell(&self, number: usize, of: usize, quiet: bool) {
+        if !quiet && ((number + 1).is_multiple_of(10) || number + 1 == of) {
+            eprintln!(
+                "scan {} of {of}: {} blocks, {} places",
+                number + 1,
+                self.volume.block_count(),
+                self.places.places().len()
+            );
+        }
+    }
+
+    fn summary(&self, mesh: &Mesh) -> Value {
+        let observed = self.volume.observed_voxels();
+        let cpu = |stage: usize| self.cpu[stage].as_secs_f64();
+        json!({
+            "scans": self.scans,
+            "points": self.points,
+            "points_skipped": self.skipped,
+            "cpu_s_integrate": cpu(INTEGRATE),
+            "cpu_s_labels": cpu(LABELS),
+            "cpu_s_mesh": cpu(MESH),
+            "cpu_s_distance": cpu(DISTANCE),
+            "cpu_s_places": cpu(PLACES),
+            "blocks": self.volume.block_count(),
+            "observed_voxels": observed,
+            "bytes_per_observed_voxel": self.volume.memory_bytes() as f64 / observed.max(1) as f64,
+            "mesh_vertices": mesh.vertices.len(),
+            "mesh_faces": mesh.faces.len(),
+            "places": self.places.places().len(),
+            "place_edges": self.places.edges().len(),
+        })
+    }
+}
+
+fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
+    let start = ThreadTime::now();
+    let out = work();
+    *sum += start.elapsed();
+    out
+}
+
+/// A scan in the world's frame.
+struct PosedScan {
+    file: PathBuf,
+    origin: Point3<f64>,
+    points: Vec<Point3<f32>>,
+    /// The points that carry a label, with it and with their instance (0 = none).
+    labelled: Vec<(Point3<f32>, u16, u16)>,
+}
+
+impl PosedScan {
+    fn read(file: &Path, world_from_sensor: &Isometry3<f64>) -> Result<Self> {
+        let input = File::open(file).with_context(|| format!("opening {}", file.display()))?;
+        let scan = Mesh::read_ply(input).with_context(|| format!("reading {}", file.display()))?;
+        let points: Vec<_> =
+            scan.vertices.iter().map(|p| (world_from_sensor * p.cast::<f64>()).cast::<f32>()).collect();
+        let instances = scan.instances.into_iter().chain(std::iter::repeat(0));
+        let tagged = points.iter().zip(scan.labels).zip(instances).map(|((p, label), instance)| (*p, label, instance));
+        let labelled = tagged.filter(|(_, label, _)| *label != 0).collect();
+        Ok(Self { file: file.to_owned(), origin: world_from_sensor.translation.vector.into(), points, labelled })
+    }
+}
+
+/// Between two scans nothing that carries a LiDAR moves farther than this.
+const LONGEST_JUMP_M: f64 = 100.0;
+
+/// Scan files and their poses, in the order of the table.
+fn read_poses(file: &Path) -> Result<Vec<(PathBuf, Isometry3<f64>)>> {
+    let text = std::fs::read_to_string(file).with_context(|| format!("reading {}", file.display()))?;
+    let mut lines = text.lines().enumerate();
+    let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();
+    let mut columns = [0; 8];
+    for (column, name) in columns.iter_mut().zip(["index", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]) {
+        *column = header.iter().position(|title| *title == name).with_context(|| {
+            format!(
+                "{}: the first line has no column \"{name}\" (wanted: index,stamp,tx,ty,tz,qx,qy,qz,qw)",
+                file.display()
+            )
+        })?;
+    }
+    let folder = file.parent().unwrap_or(Path::new("."));
+    let mut poses: Vec<(PathBuf, Isometry3<f64>)> = Vec::new();
+    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        let place = || format!("{}, line {}", file.display(), number + 1);
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let mut values = [0.0; 8];
+        for (value, column) in values.iter_mut().zip(columns) {
+            let cell = cells.get(column).with_context(|| format!("{}: too few columns", place()))?;
+            *value = cell
+                .parse()
+                .ok()
+                .filter(|v: &f64| v.is_finite())
+                .with_context(|| format!("{}: \"{cell}\" ({}) is not a finite number", place(), header[column]))?;
+        }
+        let [index, x, y, z, qx, qy, qz, qw] = values;
+        ensure!(index >= 0.0 && index.fract() == 0.0, "{}: index {index} is not a whole number", place());
+        let quaternion = Quaternion::new(qw, qx, qy, qz);
+        let norm = quaternion.norm();
+        ensure!((0.9..1.1).contains(&norm), "{}: the quaternion has length {norm:.3}, it must be 1", place());
+        let pose = Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
+        if let Some((_, last)) = poses.last() {
+            let jump_m = (pose.translation.vector - last.translation.vector).norm();
+            ensure!(
+                jump_m <= LONGEST_JUMP_M,
+                "{}: the pose jumps by {jump_m:.1} m (at most {LONGEST_JUMP_M})",
+                place()
+            );
+        }
+        poses.push((folder.join(format!("scan_{index:04}.ply")), pose));
+    }
+    if poses.is_empty() {
+        bail!("{} holds no poses", file.display());
+    }
+    Ok(poses)
+}
+
+/// Nodes are `[x, y, z, clearance]`, edges `[i, j, clearance]` with numbers of nodes; metres.
+fn places_json(graph: &PlaceGraph) -> Value {
+    let places = graph.places();
+    let nodes: Vec<_> =
+        places.iter().map(|p| json!([p.position.x, p.position.y, p.position.z, p.clearance_m])).collect();
+    let number = |id| places.binary_search_by_key(&id, |p| p.id).expect("the ends of an edge are places");
+    let edges: Vec<_> = graph.edges().iter().map(|e| json!([number(e.a), number(e.b), e.clearance_m])).collect();
+    let ids: Vec<_> = places.iter().map(|p| p.id.0).collect();
+    json!({ "nodes": nodes, "edges": edges, "ids": ids })
+}
+
+/// Writes beside the file and puts it in its place: the old one stays whole until the new one is.
+fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let context = || format!("writing {}", path.display());
+    let name = path.file_name().with_context(|| format!("{} is no file name", path.display()))?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let beside = folder.join(format!(".{}.{}.new", name.to_string_lossy(), std::process::id()));
+    let result = (|| {
+        let file = File::create(&beside)?;
+        let mut out = BufWriter::new(&file);
+        write(&mut out)?;
+        out.flush()?;
+        drop(out);
+        file.sync_all()?;
+        std::fs::rename(&beside, path)?;
+        File::open(folder)?.sync_all()
+    })();
+    if result.is_err() {
+        // Whatever stopped the writing is the error to tell; a leftover is only untidy.
+        let _ = std::fs::remove_file(&beside);
+    }
+    result.with_context(context)
+}
+
+fn print_summary(summary: &Value) {
+    let number = |key: &str| summary[key].as_f64().unwrap_or(0.0);
+    let scans = number("scans").max(1.0);
+    println!(
+        "{} scans, {} points; {} blocks, {} observed voxels at {:.1} bytes",
+        summary["scans"],
+        summary["points"],
+        summary["blocks"],
+        summary["observed_voxels"],
+        number("bytes_per_observed_voxel")
+    );
+    println!(
+        "mesh: {} vertices, {} faces; {} places, {} edges",
+        summary["mesh_vertices"], summary["mesh_faces"], summary["places"], summary["place_edges"]
+    );
+    println!(
+        "ms CPU a scan: integrate {:.1}, labels {:.1}, mesh {:.1}, distance {:.1}, places {:.1}; {:.2} million points per CPU second",
+        1e3 * number("cpu_s_integrate") / scans,
+        1e3 * number("cpu_s_labels") / scans,
+        1e3 * number("cpu_s_mesh") / scans,
+        1e3 * number("cpu_s_distance") / scans,
+        1e3 * number("cpu_s_places") / scans,
+        1e-6 * number("points") / number("cpu_s_integrate").max(1e-9)
+    );
+}
