@@ -21,14 +21,18 @@ pub enum Target {
 impl Target {
     /// For the progress line.
     pub fn describe(&self, graph: &SceneGraph) -> String {
-        let label = |id: &ObjectId| graph.object(*id).map_or_else(|| id.to_string(), |object| object.label.clone());
         match self {
             Target::None => "looking around".into(),
             Target::Action(Action::Explore(_)) => "exploring".into(),
-            Target::Action(Action::GoNear(id)) => format!("going to the {}", label(id)),
-            Target::Action(Action::GoToRoom(id)) => {
-                format!("going to the {}", graph.room(*id).map_or_else(|| id.to_string(), |room| room.name.clone()))
-            }
+            // What it goes to may have turned out to be something else, or nothing, on the way.
+            Target::Action(Action::GoNear(id)) => match graph.object(*id) {
+                Some(object) => format!("going to the {}", object.label),
+                None => "going to where something was seen".into(),
+            },
+            Target::Action(Action::GoToRoom(id)) => match graph.room(*id) {
+                Some(room) => format!("going to the {}", room.name),
+                None => "going to where a room was".into(),
+            },
             Target::Action(Action::TurnTo(octant)) => format!("turning to {octant}"),
             Target::Action(action) => action.to_string(),
         }
