@@ -239,5 +239,5 @@ fn where_the_grid_of_a_field_begins_does_not_show_in_its_answers() {
             known += usize::from(grown.distance(&p).is_some());
         }
     }
-    assert!(known > 3000, "{known}");
+    assert!(known > 500, "{known}");
 }
