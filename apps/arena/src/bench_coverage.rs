@@ -374,7 +374,7 @@ mod tests {
         let mut graph = SceneGraph::new();
         for (index, (label, at)) in known.iter().enumerate() {
             let bounds = Aabb { min: at - Vector3::repeat(0.1), max: at + Vector3::repeat(0.1) };
-            let object = Object { confirmed: true, ..Object::new(ObjectId(index as u64), *label, bounds) };
+            let object = Object { confirmed: true, ..Object::new(ObjectId(index as u64), label, bounds) };
             graph.apply(Op::PutObject(Box::new(object))).expect("sound");
         }
         graph

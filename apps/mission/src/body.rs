@@ -61,6 +61,11 @@ impl Body {
         }
     }
 
+    /// Whether it is on its way up from the floor.
+    pub fn is_taking_off(&self) -> bool {
+        matches!(self, Body::Air(fly) if fly.phase() == Phase::TakeOff)
+    }
+
     /// Whether the body has come to rest for good.
     pub fn is_down(&self) -> bool {
         match self {

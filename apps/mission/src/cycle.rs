@@ -39,7 +39,14 @@ impl Mission {
         }
 
         // 2. Begin: a first look all round, in a known building until it shows where in it the robot stands, and off the floor.
-        if t_s >= self.config.first_look_s {
+        //    Nobody who does not know where it is leaves the floor, and who forgets it on the way up comes down again.
+        let has_pose = odometry.status != TrackingStatus::Lost;
+        if !has_pose && self.body.is_taking_off() {
+            self.body.land();
+            let reason = "the odometry lost its way during take-off, so it came down again".into();
+            self.finish(Outcome::GaveUp { reason });
+        }
+        if t_s >= self.config.first_look_s && has_pose {
             self.find_itself(t_s);
             let odometry = self.world.odometry.unwrap_or(odometry);
             self.body.begin(&odometry.world_from_body);
@@ -47,7 +54,6 @@ impl Mission {
 
         // 3. Reason (III-C): an answer that is due is verified at the present graph and becomes the goal; a new question
         //    is asked when the last goal is done, has failed, or something that matters was seen. Nobody waits.
-        let has_pose = odometry.status != TrackingStatus::Lost;
         let can_think = has_pose && !self.is_lost() && self.body.is_ready() && t_s >= self.config.first_look_s;
         if self.outcome.is_none() && can_think {
             self.take_answer(t_s);

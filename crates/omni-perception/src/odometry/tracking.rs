@@ -17,8 +17,8 @@ const MAX_PASSES: usize = 3;
 /// A correction beyond which straightening and association are done again: 2 cm, or 2 cm at 5 m.
 const REDO_M: f64 = 0.02;
 const REDO_RAD: f64 = 0.004;
-/// Fewest cells that make an update.
-const MIN_RESIDUALS: usize = 40;
+/// Fewest cells that make an update. A closet shows twenty; which directions they leave open is asked separately.
+const MIN_RESIDUALS: usize = 12;
 /// Share of the points in known cells that must lie on their planes.
 const MIN_INLIER_SHARE: f64 = 0.35;
 /// Points farther from their cell's plane than this many of the map's plane thicknesses are no part of it.
