@@ -78,7 +78,7 @@ fn a_recording_is_followed() {
     assert_eq!(fs::read(path("one.tum")).unwrap(), fs::read(path("two.tum")).unwrap());
 
     // A rig that does not turn takes the points that the driver straightened for the motor; its pose is the file's.
-    let rig = "version = 1\n[lidar]\nmount = \"fixed\"\nlink = \"body\"\nxyz_m = [0.0, 0.0, 0.1]\n[[camera]]\nname = \"p\"\n\
+    let rig = "version = 1\n[lidar]\nmount = \"fixed\"\nlink = \"body\"\nxyz_m = [0.0, 0.0, 0.1]\n[imu]\nlink = \"body\"\n[[camera]]\nname = \"p\"\nlink = \"body\"\n\
                model = \"equirectangular\"\nwidth_px = 64\nheight_px = 32\nphi_top_rad = 1.0\nphi_bottom_rad = -1.0\n";
     fs::write(path("rig.toml"), rig).unwrap();
     let summary = json(&["odometry", &bag, "--rig", &path("rig.toml"), "--out", &path("rig.tum"), "--json"]);

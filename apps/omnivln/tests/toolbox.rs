@@ -230,5 +230,5 @@ fn register_prints_the_pose_of_the_first_scan_in_the_second() {
     check_refused(&["register", &path("cut.ply"), &path("a.ply")], &["cut.ply", "line 26"]);
     check_refused(&["register", &path("none.ply"), &path("a.ply")], &["none.ply"]);
     check_refused(&["register", &path("a.ply"), &path("b.ply")], &["b.ply", "lie near the target"]);
-    check_refused(&["register", &path("a.ply"), &path("a.ply"), "--leaf", "0"], &["leaf_m"]);
+    check_refused(&["register", &path("a.ply"), &path("a.ply"), "--leaf", "0"], &["--leaf"]);
 }

@@ -7,9 +7,9 @@ use crate::odometry::degeneracy::Degeneracy;
 use crate::odometry::inertial::ImuBuffer;
 use crate::odometry::propagation::Knot;
 use crate::odometry::state::{Covariance, ImuState, POSITION, ROTATION};
-use crate::odometry::sweep::{SensorMotion, Sweep, SweepLimits};
+use crate::odometry::sweep::{Patch, SensorMotion, Sweep, SweepLimits};
 use crate::odometry::update::{PlaneResidual, Updated, update};
-use crate::odometry::voxel_map::{Addition, VoxelMap};
+use crate::odometry::voxel_map::{Addition, NO_CELL, VoxelMap};
 use crate::{EncoderTrack, RawScan, RotatingMount};
 
 /// Passes over the points at most.
@@ -17,10 +17,15 @@ const MAX_PASSES: usize = 3;
 /// A correction beyond which straightening and association are done again: 2 cm, or 2 cm at 5 m.
 const REDO_M: f64 = 0.02;
 const REDO_RAD: f64 = 0.004;
-/// Fewest cells that make an update. A closet shows twenty; which directions they leave open is asked separately.
-const MIN_RESIDUALS: usize = 12;
+/// Fewest cells that make an update; which directions they leave open is asked separately.
+const MIN_RESIDUALS: usize = 40;
 /// Share of the points in known cells that must lie on their planes.
 const MIN_INLIER_SHARE: f64 = 0.35;
+/// A closet shows two dozen cells: so few are believed if nearly all of them agree, and most of what is seen lies in cells
+/// of the map at all. After the robot was carried elsewhere, some dozen cells fit by chance, but most are new.
+const MIN_RESIDUALS_OF_A_CLOSET: usize = 8;
+const MIN_INLIER_SHARE_OF_A_CLOSET: f64 = 0.9;
+const MIN_KNOWN_SHARE_OF_A_CLOSET: f64 = 0.6;
 /// Points farther from their cell's plane than this many of the map's plane thicknesses are no part of it.
 const GATE_THICKNESSES: f64 = 2.2;
 /// What the prediction may be off at most without a search beyond the home cell.
@@ -87,24 +92,28 @@ pub(crate) fn track(
         let sensor = corner + motion.sensor.cast::<f64>();
         let (residuals, inliers, outliers) = residuals(sweep, map, &swept_with, &sensor, config);
         let mut degeneracy = Degeneracy::default();
-        let updated =
-            if residuals.len() >= MIN_RESIDUALS && inliers as f64 >= MIN_INLIER_SHARE * (inliers + outliers) as f64 {
-                let keep = std::cell::Cell::new(None::<Matrix6<f64>>);
-                let found = std::cell::RefCell::new(Degeneracy::default());
-                let result = update(predicted, covariance, &start, &residuals, config.max_iterations, |equations| {
-                    // Decided once, at the first step: the set of directions must not change within an iteration.
-                    keep.get().unwrap_or_else(|| {
-                        let degeneracy = Degeneracy::of(equations, config.min_cells_per_direction);
-                        keep.set(Some(degeneracy.keep()));
-                        *found.borrow_mut() = degeneracy;
-                        keep.get().unwrap_or_else(Matrix6::identity)
-                    })
-                });
-                degeneracy = found.into_inner();
-                result
-            } else {
-                None
-            };
+        let share = inliers as f64 / (inliers + outliers).max(1) as f64;
+        let is_enough = residuals.len() >= MIN_RESIDUALS && share >= MIN_INLIER_SHARE;
+        let is_closet = residuals.len() >= MIN_RESIDUALS_OF_A_CLOSET
+            && share >= MIN_INLIER_SHARE_OF_A_CLOSET
+            && known_share(sweep) >= MIN_KNOWN_SHARE_OF_A_CLOSET;
+        let updated = if is_enough || is_closet {
+            let keep = std::cell::Cell::new(None::<Matrix6<f64>>);
+            let found = std::cell::RefCell::new(Degeneracy::default());
+            let result = update(predicted, covariance, &start, &residuals, config.max_iterations, |equations| {
+                // Decided once, at the first step: the set of directions must not change within an iteration.
+                keep.get().unwrap_or_else(|| {
+                    let degeneracy = Degeneracy::of(equations, config.min_cells_per_direction);
+                    keep.set(Some(degeneracy.keep()));
+                    *found.borrow_mut() = degeneracy;
+                    keep.get().unwrap_or_else(Matrix6::identity)
+                })
+            });
+            degeneracy = found.into_inner();
+            result
+        } else {
+            None
+        };
         if let Some(updated) = &updated {
             iterations += updated.iterations;
             let moved_m = (updated.state.position_m - start.position_m).norm();
@@ -129,6 +138,13 @@ pub(crate) fn track(
             rmse_m: cost.sqrt(),
         });
     }
+}
+
+/// Share of the points that lie in cells of the map, with a plane or without.
+fn known_share(sweep: &Sweep) -> f64 {
+    let points = |patch: &&Patch| f64::from(patch.count + patch.outliers);
+    let known: f64 = sweep.patches.iter().filter(|patch| patch.cell != NO_CELL).map(|patch| points(&patch)).sum();
+    known / sweep.points().max(1) as f64
 }
 
 /// Every how many points of a scan are used.
