@@ -67,7 +67,7 @@ fn run(frames: &[(Vec<ObjectEvidence>, Vec<usize>)]) -> (SceneGraph, usize, BTre
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
 
     #[test]
     fn however_numbers_switch_there_is_one_object_for_each_thing(
