@@ -164,7 +164,7 @@ pub fn observe_objects(
     // Fold the views into the objects.
     let mut touched: BTreeMap<ObjectId, Object> = BTreeMap::new();
     let mut next_id = graph.next_object_id();
-    let mut seen_tracks: Vec<(u64, ObjectId, i64)> = Vec::new();
+    let mut seen_tracks: BTreeMap<u64, BTreeMap<ObjectId, i64>> = BTreeMap::new();
     for (view, known) in views.iter().zip(&assigned) {
         let id = known.map_or(next_id, |known| known.object);
         if known.is_none() {
@@ -179,7 +179,7 @@ pub fn observe_objects(
             && known.is_none_or(|known| !known.is_by_track)
         {
             // A match that rests on the number says nothing about the number.
-            seen_tracks.push((track, id, view.stamp_ns));
+            seen_tracks.entry(track).or_default().insert(id, view.stamp_ns);
         }
         report.object_of[view.index] = Some(id);
     }
@@ -205,15 +205,17 @@ pub fn observe_objects(
 }
 
 /// A number belongs to the object that was last seen under it, and to no other; one that two objects had in this frame
-/// belongs to none.
-fn own_tracks(graph: &mut SceneGraph, seen: &[(u64, ObjectId, i64)]) {
-    for &(number, id, stamp_ns) in seen {
-        let is_shared = seen.iter().any(|other| other.0 == number && other.1 != id);
-        for (other, memory) in &mut graph.memory {
-            if *other == id && !is_shared {
-                memory.remember_track(number, Track { last_seen_ns: stamp_ns, run: 1 });
-            } else {
-                memory.tracks.remove(&number);
+/// belongs to none. A thing that was cut into pieces in this frame was seen once.
+fn own_tracks(graph: &mut SceneGraph, seen: &BTreeMap<u64, BTreeMap<ObjectId, i64>>) {
+    for (number, holders) in seen {
+        for (id, memory) in &mut graph.memory {
+            match holders.get(id) {
+                Some(&last_seen_ns) if holders.len() == 1 => {
+                    memory.remember_track(*number, Track { last_seen_ns, run: 1 });
+                }
+                _ => {
+                    memory.tracks.remove(number);
+                }
             }
         }
     }

@@ -157,3 +157,23 @@ fn a_number_joins_what_lies_on_its_object_for_a_while() {
     // A mug that got the number of the table it stands on is a mug.
     assert_eq!(objects_after(view(10, "mug", Some(4), top([0.1, 0.1, 0.47], [0.08, 0.08]))), 2);
 }
+
+/// Two pieces a frame are one look: a number needs three frames, whatever the segmenter cuts.
+#[test]
+fn a_thing_cut_in_two_does_not_prove_its_number_twice_a_frame() {
+    let after = |frames: i64| {
+        let mut graph = SceneGraph::new();
+        let config = AssociationConfig::default();
+        for frame in 0..frames {
+            let half = |x: f32| view(frame, "coffee table", Some(4), top([x, 0.0, 0.44], [0.5, 0.6]));
+            let whole = view(frame, "coffee table", None, top([0.0, 0.0, 0.44], [1.0, 0.6]));
+            let pieces = if frame == 0 { vec![whole] } else { vec![half(-0.25), half(0.25)] };
+            observe_objects(&mut graph, &pieces, &config).expect("sound");
+        }
+        let last = view(frames, "guitar", Some(4), top([-0.33, 0.0, 0.44], [0.34, 0.34]));
+        observe_objects(&mut graph, &[last], &config).expect("sound");
+        graph.objects().count()
+    };
+    // The first frame shows it whole, without a number.
+    assert_eq!([after(2), after(3), after(4)], [2, 2, 1]);
+}

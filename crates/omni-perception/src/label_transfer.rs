@@ -198,11 +198,10 @@ pub(crate) fn transfer_labels_seen(
     let thing_of_mask = group_masks(masks, &outlines, camera.width_px, config.same_thing_iou);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); masks.len()];
     let mut mask_of_point: Vec<Option<u16>> = vec![None; points.len()];
-    let tolerance =
-        Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope };
+    let tolerance = Tolerance::of(config);
     for candidate in &filled.candidates {
         let mask = candidate.mask;
-        if filled.buffer.is_visible(candidate, &tolerance) {
+        if filled.buffer.is_visible((candidate.u, candidate.v), candidate.range_m, &tolerance) {
             mask_of_point[candidate.point as usize] = Some(mask);
             members[usize::from(thing_of_mask[usize::from(mask)])].push(candidate.point);
         } else {

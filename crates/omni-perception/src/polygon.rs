@@ -29,6 +29,7 @@ impl Rle {
         polygons: &[Vec<[f64; 2]>],
         crossings_left: &mut usize,
     ) -> Result<Rle, RleError> {
+        let limit = *crossings_left;
         let mut spans: Vec<Span> = Vec::new();
         let mut crossings: Vec<(u32, f64)> = Vec::new();
         for polygon in polygons {
@@ -37,7 +38,7 @@ impl Rle {
             }
             crossings.clear();
             for (a, b) in polygon.iter().zip(polygon.iter().cycle().skip(1)) {
-                cross_columns(width, *a, *b, &mut crossings, crossings_left)?;
+                cross_columns(width, *a, *b, &mut crossings, crossings_left).ok_or(RleError::Outline { limit })?;
             }
             // Columns in order, and in each the heights at which its middle line enters and leaves.
             crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -56,21 +57,22 @@ impl Rle {
     }
 }
 
-/// Where an edge crosses the middle lines of columns. Half-open, so that a corner on a line counts once.
+/// Where an edge crosses the middle lines of columns; `None` if that is more than is left. Half-open, so that a corner on a
+/// line counts once.
 fn cross_columns(
     width: u32,
     a: [f64; 2],
     b: [f64; 2],
     crossings: &mut Vec<(u32, f64)>,
     crossings_left: &mut usize,
-) -> Result<(), RleError> {
+) -> Option<()> {
     let (left, right) = if a[0] <= b[0] { (a, b) } else { (b, a) };
     let first_after = |x: f64| (x - 0.5).ceil().clamp(0.0, f64::from(width)) as u32;
     let columns = first_after(left[0])..first_after(right[0]);
-    *crossings_left = crossings_left.checked_sub(columns.len()).ok_or(RleError::Outline { limit: MAX_CROSSINGS })?;
+    *crossings_left = crossings_left.checked_sub(columns.len())?;
     let slope = (right[1] - left[1]) / (right[0] - left[0]);
     crossings.extend(columns.map(|column| (column, left[1] + slope * (f64::from(column) + 0.5 - left[0]))));
-    Ok(())
+    Some(())
 }
 
 #[cfg(test)]

@@ -6,20 +6,20 @@
 
 use nalgebra::Point3;
 
-use crate::Equirectangular;
 use crate::fast_projection::{BLOCK, FastProjection, PixelBlock, View};
 use crate::mask_index::{MAX_MASKS, MaskIndex};
+use crate::{Equirectangular, LabelConfig};
 
-/// Nearest points by cell, with wrap at the seam. Only cells near a mask are kept: nothing else is asked for.
+/// Nearest points by cell, with wrap at the seam. [`RangeBuffer::fill`] keeps only cells near a mask: nothing else is asked for.
 #[derive(Debug, Clone)]
 pub(crate) struct RangeBuffer {
-    grid: CellGrid,
+    pub(crate) grid: CellGrid,
     width: f32,
     rad_per_px: f32,
     /// Range of the nearest point of each cell; infinite without one.
-    range_m: Vec<f32>,
+    pub(crate) range_m: Vec<f32>,
     /// Where in the image it lies.
-    at: Vec<(f32, f32)>,
+    pub(crate) at: Vec<(f32, f32)>,
 }
 
 /// A point whose pixel shows a mask.
@@ -33,18 +33,6 @@ pub(crate) struct Candidate {
     pub(crate) mask: u16,
 }
 
-/// What the camera sees of a whole cloud, masks or not: [`RangeBuffer`] for every cell. Its memory serves cloud after cloud.
-#[derive(Debug, Clone)]
-pub(crate) struct WholeView {
-    projection: FastProjection,
-    buffer: RangeBuffer,
-    /// Where each point falls.
-    blocks: Vec<PixelBlock>,
-    /// The least range of each cell and its neighbours in the row, and of all its neighbours.
-    along_m: Vec<f32>,
-    around_m: Vec<f32>,
-}
-
 /// When a nearer point does not hide a farther one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
@@ -56,10 +44,21 @@ pub(crate) struct Tolerance {
     pub(crate) slope: f32,
 }
 
+impl Tolerance {
+    pub(crate) fn of(config: &LabelConfig) -> Tolerance {
+        Tolerance { step_m: config.hidden_step_m, step_share: config.hidden_step_share, slope: config.max_slope }
+    }
+
+    /// A nearer point by no more than this does not hide one at a range.
+    pub(crate) fn step_at(&self, range_m: f32) -> f32 {
+        self.step_m.max(self.step_share * range_m)
+    }
+}
+
 /// The cells of an image, and what each shows: the mask that fills it, or one of the notes below.
 #[derive(Debug, Clone)]
 pub(crate) struct CellGrid {
-    columns: usize,
+    pub(crate) columns: usize,
     rows: usize,
     cells_per_px: f32,
     shows: Vec<u16>,
@@ -76,11 +75,16 @@ const MIXED: u16 = u16::MAX - 2;
 const _: () = assert!(MAX_MASKS <= MIXED as usize);
 
 impl CellGrid {
-    pub(crate) fn new(camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> CellGrid {
+    /// The cells alone: they show nothing.
+    pub(crate) fn bare(camera: &Equirectangular, cell_px: u32) -> CellGrid {
         let columns = camera.width_px.div_ceil(cell_px) as usize;
         let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let shows = vec![FAR; columns * rows];
-        let mut grid = CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows, is_near: Vec::new() };
+        CellGrid { columns, rows, cells_per_px: 1.0 / cell_px as f32, shows: Vec::new(), is_near: Vec::new() }
+    }
+
+    fn new(camera: &Equirectangular, cell_px: u32, masks: &MaskIndex) -> CellGrid {
+        let mut grid = CellGrid::bare(camera, cell_px);
+        grid.shows = vec![FAR; grid.columns * grid.rows];
         grid.paint(camera, cell_px, masks);
         grid.mark_neighbours();
         let bits = |cells: &[u16]| cells.iter().rev().fold(0, |bits, cell| bits << 1 | u64::from(*cell != FAR));
@@ -150,7 +154,7 @@ impl CellGrid {
     }
 
     /// The same for a block of pixels, as indices.
-    fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
+    pub(crate) fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
         let columns = self.columns as i32; // at most 32768 squared: an i32 holds all cells
         for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
             let (column, row) = self.cell_of(*u, *v);
@@ -160,7 +164,7 @@ impl CellGrid {
 }
 
 /// The column between its neighbours; they wrap behind the camera.
-fn with_neighbours(column: usize, columns: usize) -> [usize; 3] {
+pub(crate) fn with_neighbours(column: usize, columns: usize) -> [usize; 3] {
     let left = if column == 0 { columns - 1 } else { column - 1 };
     let right = if column + 1 == columns { 0 } else { column + 1 };
     [left, column, right]
@@ -176,6 +180,18 @@ pub(crate) struct Filled {
 }
 
 impl RangeBuffer {
+    /// Nothing seen yet.
+    pub(crate) fn empty(camera: &Equirectangular, grid: CellGrid) -> RangeBuffer {
+        let cells = grid.columns * grid.rows;
+        RangeBuffer {
+            grid,
+            width: camera.width_px as f32,
+            rad_per_px: camera.row_angle_rad() as f32,
+            range_m: vec![f32::INFINITY; cells],
+            at: vec![(0.0, 0.0); cells],
+        }
+    }
+
     /// Projects all points and keeps the nearest of each cell near a mask.
     pub(crate) fn fill(
         points: &[Point3<f32>],
@@ -184,10 +200,9 @@ impl RangeBuffer {
         cell_px: u32,
         masks: &MaskIndex,
     ) -> Filled {
-        let grid = CellGrid::new(camera, cell_px, masks);
+        let mut buffer = RangeBuffer::empty(camera, CellGrid::new(camera, cell_px, masks));
+        let RangeBuffer { grid, range_m: nearest_m, at, .. } = &mut buffer;
         let projection = FastProjection::new(camera);
-        let mut nearest_m = vec![f32::INFINITY; grid.shows.len()];
-        let mut at = vec![(0.0, 0.0); grid.shows.len()];
         let mut candidates = Vec::with_capacity(points.len() / 4);
         let (mut non_finite, mut outside_image) = (0, 0);
         let (mut pixels, mut cells) = (PixelBlock::default(), [0; BLOCK]);
@@ -220,16 +235,14 @@ impl RangeBuffer {
                 }
             }
         }
-        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
-        let buffer = RangeBuffer { grid, width, rad_per_px, range_m: nearest_m, at };
         Filled { buffer, candidates, non_finite, outside_image }
     }
 
-    /// Whether nothing nearer stands before the point. The point must be in the image.
-    pub(crate) fn is_visible(&self, point: &Candidate, tolerance: &Tolerance) -> bool {
-        let step_m = tolerance.step_m.max(tolerance.step_share * point.range_m);
+    /// Whether nothing nearer stands before a point at a place of the image.
+    pub(crate) fn is_visible(&self, (u, v): (f32, f32), range_m: f32, tolerance: &Tolerance) -> bool {
+        let step_m = tolerance.step_at(range_m);
         let slope_per_px = tolerance.slope * self.rad_per_px;
-        let (column, row) = self.grid.cell_of(point.u, point.v);
+        let (column, row) = self.grid.cell_of(u, v);
         let (column, row) = (column as usize, row as usize);
         let (first, last) = (row.saturating_sub(1), (row + 1).min(self.grid.rows - 1));
         let columns = with_neighbours(column, self.grid.columns);
@@ -237,14 +250,14 @@ impl RangeBuffer {
             for column in columns {
                 let cell = row * self.grid.columns + column;
                 let near_m = self.range_m[cell];
-                let excess_m = point.range_m - near_m - step_m;
+                let excess_m = range_m - near_m - step_m;
                 if excess_m <= 0.0 {
                     continue;
                 }
-                let (u, v) = self.at[cell];
-                let across = (point.u - u).abs();
+                let at = self.at[cell];
+                let across = (u - at.0).abs();
                 let across = across.min(self.width - across);
-                let down = point.v - v;
+                let down = v - at.1;
                 let allowed_m = slope_per_px * near_m;
                 if excess_m * excess_m > allowed_m * allowed_m * (across * across + down * down) {
                     return false;
@@ -255,101 +268,8 @@ impl RangeBuffer {
     }
 }
 
-impl WholeView {
-    pub(crate) fn new(camera: &Equirectangular, cell_px: u32) -> WholeView {
-        let columns = camera.width_px.div_ceil(cell_px) as usize;
-        let rows = camera.height_px.div_ceil(cell_px) as usize;
-        let cells_per_px = 1.0 / cell_px as f32;
-        let grid = CellGrid { columns, rows, cells_per_px, shows: Vec::new(), is_near: Vec::new() };
-        let (width, rad_per_px) = (camera.width_px as f32, camera.row_angle_rad() as f32);
-        let far = vec![f32::INFINITY; columns * rows];
-        let at = vec![(0.0, 0.0); columns * rows];
-        WholeView {
-            projection: FastProjection::new(camera),
-            buffer: RangeBuffer { grid, width, rad_per_px, range_m: far.clone(), at },
-            blocks: Vec::new(),
-            along_m: far.clone(),
-            around_m: far,
-        }
-    }
-
-    /// Projects all points and keeps the nearest of each cell.
-    pub(crate) fn fill(&mut self, points: &[Point3<f32>], view: &View) {
-        let RangeBuffer { grid, range_m, at, .. } = &mut self.buffer;
-        range_m.fill(f32::INFINITY);
-        self.blocks.resize_with(points.len().div_ceil(BLOCK), PixelBlock::default);
-        let (mut cells, mut before_m) = ([0; BLOCK], [0.0; BLOCK]);
-        for (points, pixels) in points.chunks(BLOCK).zip(&mut self.blocks) {
-            self.projection.project_block(points, view, pixels);
-            // What the rest of a block holds must not reach the cells.
-            pixels.range_m[points.len()..].fill(0.0);
-            grid.cells_of(pixels, &mut cells);
-            // All cells are fetched before any is decided: the misses of the cache then overlap.
-            gather(range_m, &cells, &mut before_m);
-            for (index, &cell) in cells.iter().enumerate().take(points.len()) {
-                let point_m = pixels.range_m[index];
-                if point_m < before_m[index] && point_m > 0.0 && point_m < range_m[cell as usize] {
-                    range_m[cell as usize] = point_m;
-                    at[cell as usize] = (pixels.u[index], pixels.v[index]);
-                }
-            }
-        }
-        least_of_neighbours(range_m, grid.columns, &mut self.along_m, &mut self.around_m);
-    }
-
-    /// For each of the points whether it is in the image and nothing nearer stands before it.
-    pub(crate) fn see(&self, tolerance: &Tolerance, visible: &mut [bool]) {
-        let (mut cells, mut around_m) = ([0; BLOCK], [0.0; BLOCK]);
-        for (visible, pixels) in visible.chunks_mut(BLOCK).zip(&self.blocks) {
-            self.buffer.grid.cells_of(pixels, &mut cells);
-            gather(&self.around_m, &cells, &mut around_m);
-            for (index, visible) in visible.iter_mut().enumerate() {
-                let range_m = pixels.range_m[index];
-                let step_m = tolerance.step_m.max(tolerance.step_share * range_m);
-                // Most points have nothing nearer around them: one look, and no need to ask the neighbours one by one.
-                let is_open = range_m - around_m[index] - step_m <= 0.0;
-                *visible = range_m > 0.0
-                    && (is_open || {
-                        let (u, v) = (pixels.u[index], pixels.v[index]);
-                        self.buffer.is_visible(&Candidate { u, v, range_m, point: 0, mask: 0 }, tolerance)
-                    });
-            }
-        }
-    }
-}
-
-/// The numbers of a block's cells.
-#[inline(always)]
-fn gather(from: &[f32], cells: &[i32; BLOCK], into: &mut [f32; BLOCK]) {
-    for (number, &cell) in into.iter_mut().zip(cells) {
-        *number = from[cell as usize];
-    }
-}
-
-/// The least of each cell and its eight neighbours; columns wrap.
-fn least_of_neighbours(range_m: &[f32], columns: usize, along: &mut [f32], around: &mut [f32]) {
-    let least = |a: f32, b: f32| if b < a { b } else { a };
-    // Along the rows first, then across them.
-    for (row, along) in range_m.chunks_exact(columns).zip(along.chunks_exact_mut(columns)) {
-        for (along, three) in along.iter_mut().skip(1).zip(row.windows(3)) {
-            *along = least(least(three[0], three[1]), three[2]);
-        }
-        for column in [0, columns - 1] {
-            let [left, column, right] = with_neighbours(column, columns);
-            along[column] = least(least(row[left], row[column]), row[right]);
-        }
-    }
-    around.copy_from_slice(along);
-    if along.len() > columns {
-        around[columns..].iter_mut().zip(&*along).for_each(|(around, above)| *around = least(*around, *above));
-        around.iter_mut().zip(&along[columns..]).for_each(|(around, below)| *around = least(*around, *below));
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
     use crate::mask_index::Erosion;
     use crate::mask_outline::Outline;
@@ -369,8 +289,13 @@ mod tests {
         let filled = RangeBuffer::fill(&[point(far), point(near)], &View::Camera, &camera, 2, &index);
         let candidate = filled.candidates[0];
         assert_eq!((candidate.point, candidate.mask), (0, 0));
-        assert_eq!(filled.buffer.is_visible(&candidate, &TOLERANCE), is_visible, "{near:?} {far:?}");
-        assert!(filled.candidates[1..].iter().all(|near| filled.buffer.is_visible(near, &TOLERANCE)));
+        assert_eq!(
+            filled.buffer.is_visible((candidate.u, candidate.v), candidate.range_m, &TOLERANCE),
+            is_visible,
+            "{near:?} {far:?}"
+        );
+        let sees = |point: &Candidate| filled.buffer.is_visible((point.u, point.v), point.range_m, &TOLERANCE);
+        assert!(filled.candidates[1..].iter().all(sees));
     }
 
     #[test]
@@ -420,34 +345,5 @@ mod tests {
         // A table top 0.4 m below, 2 m away: two rows of 0.1875 degrees are 0.07 m of range.
         check((100.0, 382.0, 2.0), (100.0, 380.0, 2.07), true);
         check((100.0, 382.0, 2.0), (100.0, 381.9, 2.2), false); // a larger step straight behind
-    }
-
-    proptest! {
-        #[test]
-        fn the_short_way_to_visibility_is_the_long_one(
-            points in prop::collection::vec(prop::array::uniform3(-4.0..4.0_f32), 0..400), width_px in 3..60_u32, cell_px in 1..5_u32
-        ) {
-            let camera = Equirectangular { width_px, height_px: 11, ..Equirectangular::default() };
-            let points: Vec<Point3<f32>> = points.into_iter().map(Point3::from).chain([Point3::new(f32::NAN, 0.0, 0.0)]).collect();
-            let mut seen = WholeView::new(&camera, cell_px);
-            let mut visible = vec![false; points.len()];
-            // Twice: nothing of the first cloud is left.
-            for cloud in [&points[points.len() / 2..], &points] {
-                seen.fill(cloud, &View::Camera);
-                seen.see(&TOLERANCE, &mut visible[..cloud.len()]);
-            }
-            // A mask over the whole image: each point of the image is a candidate, and asks all its neighbours.
-            let rle = Rle::from_counts(width_px, 11, &[0, width_px * 11]).expect("fills the image");
-            let masks = [Mask::new(rle, "all", 1.0)];
-            let outlines = [Outline::new(&masks[0].rle)];
-            let none = Erosion { radius_px: 0, min_kept_share: 0.0 };
-            let index = MaskIndex::new(&masks, &outlines, width_px, 11, &none);
-            let filled = RangeBuffer::fill(&points, &View::Camera, &camera, cell_px, &index);
-            let mut expected = vec![false; points.len()];
-            for candidate in &filled.candidates {
-                expected[candidate.point as usize] = filled.buffer.is_visible(candidate, &TOLERANCE);
-            }
-            prop_assert_eq!(visible, expected);
-        }
     }
 }

@@ -283,19 +283,52 @@ fn carried_elsewhere_it_begins_anew() {
 }
 
 /// A hall that does not look like the room.
+/// Floor, ceiling and four walls, seen from within.
+fn empty_room(low: [f64; 3], high: [f64; 3]) -> support::Scene {
+    let side = |axis: usize, at: f64, thick: f64| {
+        let (mut min, mut max) = (low.map(|x| x - 0.1), high.map(|x| x + 0.1));
+        (min[axis], max[axis]) = (at.min(at + thick), at.max(at + thick));
+        support::Block { thing: 0, min: min.into(), max: max.into() }
+    };
+    let blocks = (0..3).flat_map(|axis| [side(axis, low[axis], -0.1), side(axis, high[axis], 0.1)]).collect();
+    support::Scene { names: vec!["room"], blocks }
+}
+
 fn square_hall() -> support::Scene {
-    let wall = |min: [f64; 3], max: [f64; 3]| support::Block { thing: 0, min: min.into(), max: max.into() };
-    support::Scene {
-        names: vec!["hall"],
-        blocks: vec![
-            wall([-9.0, -9.0, -2.1], [9.0, 9.0, -2.0]),
-            wall([-9.0, -9.0, 5.0], [9.0, 9.0, 5.1]),
-            wall([6.0, -9.0, -2.0], [6.1, 9.0, 5.0]),
-            wall([-6.1, -9.0, -2.0], [-6.0, 9.0, 5.0]),
-            wall([-9.0, 5.0, -2.0], [9.0, 5.1, 5.0]),
-            wall([-9.0, -5.1, -2.0], [9.0, -5.0, 5.0]),
-            wall([3.0, 2.0, -2.0], [4.0, 3.5, 2.0]),
-        ],
+    let mut hall = empty_room([-6.0, -5.0, -2.0], [6.0, 5.0, 5.0]);
+    let pillar = support::Block { thing: 0, min: [3.0, 2.0, -2.0].into(), max: [4.0, 3.5, 2.0].into() };
+    hall.blocks.push(pillar);
+    hall
+}
+
+/// A closet shows two dozen cells, and hardly its floor and ceiling. That is no reason to be lost: what is seen holds the
+/// pose, and of the rest the covariance says how little is known.
+#[test]
+fn a_closet_leaves_directions_open_but_nobody_is_lost_in_it() {
+    fn sway(t: f64) -> Isometry3<f64> {
+        let g = gate(t);
+        let shift = Vector3::new((2.0 * t).sin(), (2.6 * t).sin(), 1.5 * (1.7 * t).sin()) * (0.04 * g);
+        let turn = UnitQuaternion::from_euler_angles(0.03 * g * (3.0 * t).sin(), 0.0, 0.3 * g * t.sin());
+        Isometry3::from_parts((shift + Vector3::new(-0.5, -0.2, 1.0)).into(), turn)
+    }
+    for (low, high) in [
+        ([-0.88, -0.58, 0.65], [-0.12, 0.18, 1.50]),
+        ([-0.93, -0.63, 0.60], [-0.07, 0.23, 1.50]),
+        ([-1.10, -0.56, 0.65], [0.00, 0.16, 1.50]),
+    ] {
+        let drive = Drive { scene: empty_room(low, high), to_s: 5.0, ..Drive::new(sway) };
+        let mut odometry = odometry(LioConfig::default());
+        let run = drive.run(&mut odometry);
+        let most = run.iter().map(|(report, _)| report.residuals).max().expect("scans");
+        assert!((8..40).contains(&most), "a closet shows few cells, not {most}");
+        assert!(run.iter().all(|(report, _)| report.status != TrackingStatus::Lost && !report.has_restarted));
+        let estimates = estimates(&run);
+        assert!(estimates.iter().any(|estimate| estimate.status == TrackingStatus::Degenerate));
+        for (estimate, (position_m, rotation_deg)) in estimates.iter().zip(drive.errors(&estimates)) {
+            let sigma_m = estimate.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
+            assert!(position_m < 0.02 + 4.0 * sigma_m, "{position_m} m with {sigma_m} m");
+            assert!(rotation_deg < 4.0, "{rotation_deg} deg");
+        }
     }
 }
 

@@ -89,14 +89,17 @@ pub enum Footing {
     Drop,
 }
 
+/// Columns to each side at most: a wild radius must not take all memory (12 bytes a column).
+const MOST_COLUMNS: f64 = 2000.0;
+
 impl Volume {
     /// Follows the ground from below `start` (the robot's foot or body, metres in world), over steps of at most `climb_m`, no farther than
-    /// `radius_m` along x and y. All unknown if there is no ground within `climb_m` + one metre beneath the start.
+    /// `radius_m` along x and y (at most 2000 columns: 100 m at 5 cm). All unknown if there is no ground within `climb_m` + one metre beneath the start.
     ///
     /// Costs a look at each voxel from the ground to what covers it.
     pub fn height_map(&self, start: &Point3<f64>, climb_m: f64, radius_m: f64) -> HeightMap {
         let voxel_m = self.config.voxel_m;
-        let reach = (radius_m.clamp(0.0, 1e4 * voxel_m) / voxel_m).ceil() as i32;
+        let reach = (radius_m.clamp(0.0, MOST_COLUMNS * voxel_m) / voxel_m).ceil() as i32;
         let climb = (climb_m.clamp(0.0, 1e4 * voxel_m) / voxel_m + 1e-6).floor() as i32;
         let side = 2 * reach as usize + 1;
         let mut map =

@@ -75,6 +75,7 @@
 //! perception for robotics", IJRR 2024 (places).
 
 pub mod archive;
+mod basis_points;
 mod block;
 pub mod config;
 pub mod distance_field;

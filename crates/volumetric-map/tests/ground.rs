@@ -4,7 +4,7 @@ mod support;
 
 use nalgebra::{Point2, Point3};
 use proptest::prelude::*;
-use support::{CABINET, HEIGHT, Lidar, TABLE, World, drive, in_world};
+use support::{CABINET, HEIGHT, Lidar, TABLE, World, drive, flat_grid, in_world};
 use volumetric_map::{
     Cell, Column, Footing, GroundLimits, HeightMap, OccupancyGrid, Volume, VolumeConfig, clearance, skeleton,
 };
@@ -167,24 +167,11 @@ fn pieces(width: usize, is_in: &[bool], diagonal: bool) -> usize {
     count
 }
 
-fn grid() -> impl Strategy<Value = OccupancyGrid> {
-    let cell = prop_oneof![9 => Just(Cell::Free), 2 => Just(Cell::Occupied), 1 => Just(Cell::Unknown)];
-    (1usize..18, 1usize..18).prop_flat_map(move |(width, height)| {
-        prop::collection::vec(cell.clone(), width * height).prop_map(move |cells| OccupancyGrid {
-            origin: Point2::new(-1.0, 0.5),
-            resolution_m: 0.05,
-            width,
-            height,
-            cells,
-        })
-    })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn a_skeleton_is_as_connected_as_free_space_and_knows_its_clearance(grid in grid(), angle in 0.5f64..3.2) {
+    fn a_skeleton_is_as_connected_as_free_space_and_knows_its_clearance(grid in flat_grid(18, 9), angle in 0.5f64..3.2) {
         let found = skeleton(&grid, angle, 0.0);
         prop_assert!(found.cells.windows(2).all(|w| w[0] < w[1]));
         let truth = clearance(&grid, true);

@@ -1,9 +1,12 @@
 //! Laws of the volume, the grids, the distance field, the mesh, the places and the files.
 
-use nalgebra::{Point2, Point3};
+mod support;
+
+use nalgebra::Point3;
 use proptest::prelude::*;
+use support::flat_grid;
 use volumetric_map::{
-    Cell, DistanceField, LineOfSight, LoadError, Mesh, OccupancyGrid, PlaceConfig, PlaceEvent, PlaceGraph, Volume,
+    Cell, DistanceField, LineOfSight, LoadError, Mesh, PlaceConfig, PlaceEvent, PlaceGraph, Volume,
     VolumeConfig, clearance, fill_islands,
 };
 
@@ -34,19 +37,6 @@ fn bytes_of(volume: &Volume) -> Vec<u8> {
     let mut bytes = Vec::new();
     volume.save(&mut bytes).unwrap();
     bytes
-}
-
-fn grid() -> impl Strategy<Value = OccupancyGrid> {
-    let cell = prop_oneof![6 => Just(Cell::Free), 2 => Just(Cell::Occupied), 1 => Just(Cell::Unknown)];
-    (1usize..12, 1usize..12).prop_flat_map(move |(width, height)| {
-        prop::collection::vec(cell.clone(), width * height).prop_map(move |cells| OccupancyGrid {
-            origin: Point2::new(-1.0, 0.5),
-            resolution_m: 0.05,
-            width,
-            height,
-            cells,
-        })
-    })
 }
 
 mod volume {
@@ -235,7 +225,7 @@ mod flat_grids {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
         #[test]
-        fn clearance_equals_brute_force(grid in grid(), unknown in any::<bool>()) {
+        fn clearance_equals_brute_force(grid in flat_grid(12, 6), unknown in any::<bool>()) {
             let found = clearance(&grid, unknown);
             let is_obstacle = |c: Cell| c == Cell::Occupied || unknown && c == Cell::Unknown;
             for (i, value) in found.iter().enumerate() {
@@ -253,7 +243,7 @@ mod flat_grids {
         }
 
         #[test]
-        fn filling_only_frees_and_a_second_time_does_nothing(grid in grid(), area in 0.0f64..0.1, side in 0.0f64..0.3) {
+        fn filling_only_frees_and_a_second_time_does_nothing(grid in flat_grid(12, 6), area in 0.0f64..0.1, side in 0.0f64..0.3) {
             let filled = fill_islands(&grid, area, side);
             for (before, after) in grid.cells.iter().zip(&filled.cells) {
                 prop_assert!(before == after || *after == Cell::Free);

@@ -165,7 +165,7 @@ impl ImuBuffer {
             let dt_s = interval.until.seconds_since(start);
             let rate = interval.input.rate_radps - state.gyro_bias_radps;
             let turned = |share: f64| state.rotation * UnitQuaternion::from_scaled_axis(rate * (-share * dt_s));
-            let acceleration = if is_gap(dt_s, interval) {
+            let acceleration = if interval.is_gap {
                 Vector3::zeros()
             } else {
                 turned(0.5) * (interval.input.force_mps2 - state.accel_bias_mps2) + state.gravity_mps2()
@@ -215,14 +215,11 @@ fn interval(
         is_coasting: false,
     };
     let is_gap = until.seconds_since(from) > GAP_S;
-    let is_gyro_saturated = head.angular_velocity_radps.amax().max(tail.angular_velocity_radps.amax());
-    let is_gyro_saturated = is_gyro_saturated >= config.gyro_range_radps;
-    let is_accel_saturated = head.specific_force_mps2.amax().max(tail.specific_force_mps2.amax());
-    let is_accel_saturated = is_accel_saturated >= config.accel_range_mps2;
-    let mut inflation = Inflation::NONE;
-    if is_gap || is_gyro_saturated || is_accel_saturated {
-        inflation = DOUBTFUL;
-    }
+    let is_gyro_saturated =
+        [head, tail].iter().any(|sample| sample.angular_velocity_radps.amax() >= config.gyro_range_radps);
+    let is_accel_saturated =
+        [head, tail].iter().any(|sample| sample.specific_force_mps2.amax() >= config.accel_range_mps2);
+    let mut inflation = if is_gap || is_gyro_saturated || is_accel_saturated { DOUBTFUL } else { Inflation::NONE };
     if is_gyro_saturated {
         // An error of constant sign over tau is white noise of the density sigma sqrt(tau).
         let hidden = HIDDEN_SHARE * config.gyro_range_radps * HIDDEN_S.sqrt();
@@ -231,15 +228,11 @@ fn interval(
     Some(Interval { until, input, inflation, is_gap })
 }
 
-fn is_gap(dt_s: f64, interval: &Interval) -> bool {
-    interval.is_gap && dt_s > GAP_S
-}
-
 /// The input with the force that the motion allows, and the factor of its noise.
 fn treated(interval: &Interval, state: &ImuState, motion: Motion) -> (ImuInput, Inflation) {
     let dt_s = interval.until.seconds_since(state.stamp);
     let inflation = interval.inflation;
-    if motion == Motion::Inertial && !is_gap(dt_s, interval) {
+    if motion == Motion::Inertial && !interval.is_gap {
         return (interval.input, inflation);
     }
     // The force that just carries the body's weight, at mid-interval.

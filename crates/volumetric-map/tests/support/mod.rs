@@ -1,9 +1,25 @@
 //! A small world of boxes with exact rays and exact distances, and a rotating LiDAR in it.
 #![allow(dead_code)] // every test file uses its own part
 
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use volumetric_map::{Cell, OccupancyGrid};
+
+/// Flat grids of fewer than `sides` cells along x and y, of which `free` parts against three are free.
+pub fn flat_grid(sides: usize, free: u32) -> impl Strategy<Value = OccupancyGrid> {
+    let cell = prop_oneof![free => Just(Cell::Free), 2 => Just(Cell::Occupied), 1 => Just(Cell::Unknown)];
+    (1..sides, 1..sides).prop_flat_map(move |(width, height)| {
+        prop::collection::vec(cell.clone(), width * height).prop_map(move |cells| OccupancyGrid {
+            origin: Point2::new(-1.0, 0.5),
+            resolution_m: 0.05,
+            width,
+            height,
+            cells,
+        })
+    })
+}
 
 /// An axis-aligned solid box.
 #[derive(Debug, Clone, Copy)]
