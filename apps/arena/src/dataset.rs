@@ -18,6 +18,7 @@ use crate::cli::word;
 use crate::record::{RECORDING_MARK, RecordConfig, RecordProgress, record};
 use crate::run_folder::RunFolder;
 use crate::scenario::Scene;
+use crate::whole_file::write_whole;
 
 /// The index of a dataset.
 pub const INDEX: &str = "index.json";
@@ -131,7 +132,8 @@ pub fn make_dataset(
         };
         described.push((name, entry.split, description));
         // After each, so that what is there is always described.
-        write_index(folder, &index_json(seed, count, &described))?;
+        let index = serde_json::to_vec_pretty(&index_json(seed, count, &described))?;
+        write_whole(&folder.join(INDEX), |out| out.write_all(&index))?;
     }
     Ok(index_json(seed, count, &described))
 }
@@ -208,16 +210,6 @@ fn index_json(seed: u64, count: usize, described: &[(String, Split, Value)]) -> 
         "format": "omnivln-dataset", "version": VERSION, "seed": seed, "wanted": count,
         "recordings": recordings, "splits": splits,
     })
-}
-
-/// Replaces the index in one step.
-fn write_index(folder: &Path, index: &Value) -> Result<()> {
-    let (path, part) = (folder.join(INDEX), folder.join(".index.json.part"));
-    let context = || format!("writing {}", path.display());
-    fs::write(&part, serde_json::to_vec_pretty(index)?).with_context(context)?;
-    fs::File::open(&part).and_then(|file| file.sync_all()).with_context(context)?;
-    fs::rename(&part, &path).with_context(context)?;
-    fs::File::open(folder).and_then(|folder| folder.sync_all()).with_context(context)
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@ pub mod task;
 pub mod tour;
 #[cfg(feature = "viz")]
 pub mod viz;
+pub mod whole_file;
 pub mod workers;
 pub mod write_run;
 

@@ -1,6 +1,8 @@
 //! The world behind several lenses: what the robot stitches is what one camera would have seen, and the segmenter's truth
 //! lies where the stitched picture shows it.
 
+mod support;
+
 use arena::cli::load_rig;
 use arena::mission;
 use arena::scenario::Scene;
@@ -13,6 +15,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use omni_sim::motion::KinematicState;
 use omni_sim::render::render;
 use std::path::Path;
+use support::{run_from, scene, short, start};
 
 #[test]
 fn two_fisheyes_see_what_one_panoramic_camera_sees() {
@@ -91,5 +94,25 @@ fn each_rig_sends_what_it_has() {
         let image = panorama.image.as_ref().expect("with its picture");
         assert_eq!((image.width, image.height), (1920, 640), "{name}");
         assert!(panorama.masks.len() > 3, "{name}: {} things", panorama.masks.len());
+    }
+}
+
+/// The loop closed with each rig, as the command does it: the robot leaves its place, sees things, and touches nothing.
+#[test]
+fn each_rig_takes_the_robot_somewhere() {
+    let quadruped = RobotModel::builtin_quadruped();
+    let flat = scene("flat");
+    for name in ["rotating", "fixed", "fisheyes"] {
+        let rig = load_rig(Path::new(name), &quadruped).expect("it ships");
+        let robot = rig.fitted(&quadruped);
+        let mut config = short(9.0);
+        config.carry(rig);
+        let begin = start(&flat, &robot, &config, 1);
+        let result = run_from(&config, &robot, &flat, "find the mug near the sink", &begin, 1);
+        let summary = &result.summary;
+        println!("{name}: {:.2} m, {} objects, {}", summary.path_m, summary.objects_found, summary.reason);
+        assert!(summary.path_m > 0.5, "{name}: {} m, {}", summary.path_m, summary.reason);
+        assert!(summary.objects_found > 3, "{name}: {} objects", summary.objects_found);
+        assert_eq!(summary.collisions, 0, "{name}");
     }
 }

@@ -1,7 +1,7 @@
 //! One cycle of the closed loop, in the order of the paper's system figure: perceive, abstract, reason, verify, plan, move.
 
 use nalgebra::{Point2, Point3, Vector3};
-use omni_perception::{Stamp, TrackingStatus};
+use omni_perception::Stamp;
 
 use crate::body::Body;
 use crate::goal::{Goal, GoalStatus};
@@ -40,7 +40,7 @@ impl Mission {
 
         // 2. Begin: a first look all round, in a known building until it shows where in it the robot stands, and off the floor.
         //    Nobody who does not know where it is leaves the floor, and who forgets it on the way up comes down again.
-        let has_pose = odometry.status != TrackingStatus::Lost;
+        let has_pose = self.has_pose();
         if !has_pose && self.body.is_taking_off() {
             self.body.land();
             let reason = "the odometry lost its way during take-off, so it came down again".into();

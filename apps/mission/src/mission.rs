@@ -154,6 +154,11 @@ impl Mission {
         sentences
     }
 
+    /// Whether the robot knows where it is in the frame of its odometry.
+    pub fn has_pose(&self) -> bool {
+        self.world.odometry.is_some_and(|odometry| odometry.status != TrackingStatus::Lost)
+    }
+
     /// Nouns of the instruction: what the segmenter should look for besides its standing list.
     pub fn phrases(&self) -> Vec<String> {
         self.instruction.nouns()
@@ -196,7 +201,7 @@ impl Mission {
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
-            None if self.world.odometry.is_some_and(|odometry| odometry.status == TrackingStatus::Lost) => {
+            None if self.world.odometry.is_some() && !self.has_pose() => {
                 "standing still: the odometry has lost its way".into()
             }
             None if !self.body.is_ready() => "getting ready".into(),

@@ -54,6 +54,11 @@ impl NavigationMap {
         }
     }
 
+    /// Whether the robot has been put into the map yet.
+    pub fn has_begun(&self) -> bool {
+        !self.stood_on.is_empty()
+    }
+
     /// Cuts the volume at the robot's height. `floor_m` is the height of the floor in the map, `body_height_m` the height
     /// at which the body moves above it, `blind_m` how far from the body's middle the floor comes into sight.
     pub fn refresh(
@@ -81,8 +86,7 @@ impl NavigationMap {
         const BLIND_M: f64 = 0.12;
         const MOST_BLIND_M: f64 = 1.5;
         let usual_m = self.radius_m + BLIND_M;
-        let is_first = self.stood_on.is_empty();
-        let reach_m = if is_first { usual_m.max(blind_m.min(MOST_BLIND_M)) } else { usual_m };
+        let reach_m = if self.has_begun() { usual_m } else { usual_m.max(blind_m.min(MOST_BLIND_M)) };
         self.remember_footprint(&Point2::from(world_from_body.translation.vector.xy()), reach_m);
         let stood_on = &self.stood_on;
         for iy in 0..self.grid.height {

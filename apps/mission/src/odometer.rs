@@ -143,7 +143,7 @@ impl Odometer {
     }
 
     fn forget_the_oldest(&mut self) {
-        let newest = self.held.iter().map(SensorEvent::stamp).max().unwrap_or_default();
+        let Some(newest) = self.held.back().map(SensorEvent::stamp) else { return };
         while let Some(event) = self.held.pop_front_if(|event| newest.seconds_since(event.stamp()) > MAX_HELD_S) {
             let is_lost = matches!(event, SensorEvent::Scan(_) | SensorEvent::Panorama(_));
             self.refused.before_start += u64::from(is_lost);
@@ -161,4 +161,120 @@ fn with_pose(event: SensorEvent, standing: &OdometryEstimate) -> Vec<SensorEvent
         ..*standing
     };
     vec![event, SensorEvent::Odometry(still)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage_clock::CpuScope;
+    use nalgebra::Point3;
+    use omni_perception::{EncoderSample, ImuSample, MaskedPanorama, RawPoint, RawScan, Stamp};
+
+    fn odometer() -> Odometer {
+        let robot = RobotModel::builtin_quadruped();
+        Odometer::new(&LioConfig::default(), &robot, &Isometry3::translation(0.0, 0.0, 0.3)).expect("sound")
+    }
+
+    fn imu(ms: i64) -> SensorEvent {
+        SensorEvent::Imu(ImuSample {
+            stamp: Stamp(ms * 1_000_000),
+            angular_velocity_radps: Vector3::zeros(),
+            specific_force_mps2: Vector3::new(0.0, 0.0, 9.81),
+        })
+    }
+
+    fn encoder(ms: i64) -> SensorEvent {
+        SensorEvent::Encoder(EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad: 0.0 })
+    }
+
+    fn panorama(ms: i64) -> SensorEvent {
+        SensorEvent::Panorama(MaskedPanorama { stamp: Stamp(ms * 1_000_000), masks: Vec::new(), image: None })
+    }
+
+    /// Three walls of a large room, or nothing at all; a tenth of a second.
+    fn scan(ms: i64, sees: bool) -> SensorEvent {
+        let count = if sees { 6000_u32 } else { 1 };
+        let points = (0..count).map(|k| {
+            let (u, v) = (f32::from((k % 60) as u16) / 10.0 - 2.95, f32::from((k / 180) as u16) / 6.0 - 2.7);
+            let position = match (sees, k % 3) {
+                (false, _) => Point3::new(f32::NAN, 0.0, 0.0),
+                (true, 0) => Point3::new(3.0, u, v),
+                (true, 1) => Point3::new(u, -3.0, v),
+                (true, _) => Point3::new(u, v, -1.5),
+            };
+            RawPoint { position, offset_ns: k * (99_000_000 / count), ring: 0 }
+        });
+        SensorEvent::Scan(RawScan { start: Stamp(ms * 1_000_000), points: points.collect() })
+    }
+
+    fn count(events: &[SensorEvent]) -> [usize; 4] {
+        let of = |is: fn(&SensorEvent) -> bool| events.iter().filter(|event| is(event)).count();
+        [
+            of(|event| matches!(event, SensorEvent::Imu(_))),
+            of(|event| matches!(event, SensorEvent::Odometry(_))),
+            of(|event| matches!(event, SensorEvent::Scan(_))),
+            of(|event| matches!(event, SensorEvent::Panorama(_))),
+        ]
+    }
+
+    /// Two seconds of standing, blind from one second on for `blind_ms`; what is passed on.
+    fn stand(odometer: &mut Odometer, from_ms: i64, to_ms: i64, blind: std::ops::Range<i64>) -> Vec<SensorEvent> {
+        let mut clock = StageClock::new(CpuScope::Thread);
+        let mut passed = Vec::new();
+        for ms in (from_ms..to_ms).step_by(5) {
+            // A scan is told when it is over, and before the IMU and the encoder have passed its end.
+            if ms % 100 == 0 && ms > from_ms {
+                passed.extend(odometer.follow(scan(ms - 100, !blind.contains(&(ms - 100))), &mut clock));
+                passed.extend(odometer.follow(panorama(ms), &mut clock));
+            }
+            passed.extend(odometer.follow(encoder(ms), &mut clock));
+            passed.extend(odometer.follow(imu(ms), &mut clock));
+        }
+        passed
+    }
+
+    #[test]
+    fn everything_is_held_until_the_filter_is_level_and_let_go_in_order() {
+        let mut odometer = odometer();
+        assert_eq!(count(&stand(&mut odometer, 0, 300, 0..0)), [0; 4]);
+        let passed = stand(&mut odometer, 300, 1000, 0..0);
+        // 200 samples and as many poses; scans end at 100, 200, ... and wait for the IMU.
+        assert_eq!(count(&passed), [200, 200, 8, 8]);
+        let odometry: Vec<i64> = passed
+            .iter()
+            .filter(|event| matches!(event, SensorEvent::Odometry(_)))
+            .map(|event| event.stamp().0)
+            .collect();
+        assert!(odometry.is_sorted());
+        assert_eq!(odometer.refused, Refused::default());
+    }
+
+    #[test]
+    fn without_an_imu_no_more_than_some_seconds_are_held_and_the_loss_is_told() {
+        let (mut odometer, mut clock) = (odometer(), StageClock::new(CpuScope::Thread));
+        for second in 0..60 {
+            assert!(odometer.follow(panorama(1000 * second), &mut clock).is_empty());
+            assert!(odometer.held.len() <= 6);
+        }
+        assert_eq!(odometer.refused.before_start, 54);
+        assert!(odometer.refused.sentences()[0].contains("54 times"), "{:?}", odometer.refused.sentences());
+    }
+
+    #[test]
+    fn while_it_is_lost_nothing_is_passed_on_that_would_be_drawn() {
+        let mut odometer = odometer();
+        assert_eq!(count(&stand(&mut odometer, 0, 1000, 0..0))[2..], [9, 9]);
+        let blind = stand(&mut odometer, 1000, 3000, 1000..2500);
+        assert_eq!(odometer.newest().expect("it has begun").status, TrackingStatus::Tracking, "found again");
+        let [imu, poses, scans, pictures] = count(&blind);
+        assert_eq!((imu, poses), (400, 400), "the pose goes on");
+        // Blind from one second on, lost 0.4 s later, and found again after 2.5 s.
+        assert!((6..=12).contains(&scans) && (6..=12).contains(&pictures), "{scans} {pictures}");
+        assert_eq!(odometer.refused.while_lost as usize, 19 + 19 - scans - pictures);
+        let lost = blind.iter().filter(|event| match event {
+            SensorEvent::Odometry(estimate) => estimate.status == TrackingStatus::Lost,
+            _ => false,
+        });
+        assert!(lost.count() > 150);
+    }
 }

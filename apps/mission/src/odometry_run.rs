@@ -84,7 +84,7 @@ impl OdometryRun {
                     _ => (error.loss(), 1),
                 };
                 // A scan that could not be read came all the same.
-                self.scans += usize::from(reason.starts_with("scans_"));
+                self.scans += usize::from(error.is_scan());
                 self.drop_some(reason, count);
             }
         }

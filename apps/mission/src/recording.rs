@@ -125,6 +125,11 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// Whether it is a whole scan that could not be used: all their losses begin so.
+    pub fn is_scan(&self) -> bool {
+        self.loss().starts_with("scans_")
+    }
+
     /// What an item that could not be used is counted as.
     pub fn loss(&self) -> &'static str {
         match self {

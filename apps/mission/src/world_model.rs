@@ -270,7 +270,9 @@ impl WorldModel {
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
-        self.see_how_near(&origin, &points);
+        if !self.navigation.has_begun() {
+            self.see_how_near(&origin, &points);
+        }
         if let Some(looks) = &mut self.looks {
             looks.add(&origin, &points, self.floor_m);
         }

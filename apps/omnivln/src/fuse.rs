@@ -5,16 +5,16 @@
 //! on a robot; the times are CPU seconds of the thread that does it, reading not included.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::sync_channel;
-use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
+use arena::mission::stage_clock::{CpuScope, StageClock};
 use arena::mission::volumetric_map::{DistanceField, Mesh, PlaceConfig, PlaceGraph, Volume, VolumeConfig};
+use arena::progress::ProgressView;
+use arena::whole_file::write_whole;
 use clap::{Args, ValueEnum};
-use cpu_time::ThreadTime;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use serde_json::{Value, json};
 
@@ -63,11 +63,12 @@ pub fn run(options: &FuseOptions) -> Result<ExitCode> {
     config.validate().with_context(|| format!("--voxel {}", options.voxel))?;
     let poses = read_poses(&options.scans.join("poses.csv"))?;
     let mut map = Map::new(config, options.mode)?;
+    let view = ProgressView::new(poses.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len} {msg}", options.quiet);
     let read = |(file, pose): &(PathBuf, Isometry3<f64>)| -> Result<PosedScan> { PosedScan::read(file, pose) };
     if options.threads == 1 {
-        for (number, entry) in poses.iter().enumerate() {
+        for entry in &poses {
             map.fold(&read(entry)?)?;
-            map.tell(number, poses.len(), options.quiet);
+            map.tell(&view, poses.len());
         }
     } else {
         std::thread::scope(|scope| -> Result<()> {
@@ -82,13 +83,14 @@ pub fn run(options: &FuseOptions) -> Result<ExitCode> {
                     }
                 }
             });
-            for (number, scan) in receive.into_iter().enumerate() {
+            for scan in receive {
                 map.fold(&scan?)?;
-                map.tell(number, poses.len(), options.quiet);
+                map.tell(&view, poses.len());
             }
             Ok(())
         })?;
     }
+    view.finish();
     let mesh = map.complete_mesh();
     write_whole(&options.out, |out| mesh.write_ply(out))?;
     if let Some(file) = &options.places {
@@ -125,15 +127,8 @@ struct Map {
     scans: usize,
     points: usize,
     skipped: usize,
-    cpu: [Duration; 5],
+    clock: StageClock,
 }
-
-/// Numbers of the stages in [`Map::cpu`].
-const INTEGRATE: usize = 0;
-const LABELS: usize = 1;
-const MESH: usize = 2;
-const DISTANCE: usize = 3;
-const PLACES: usize = 4;
 
 impl Map {
     fn new(config: VolumeConfig, mode: Mode) -> Result<Self> {
@@ -146,33 +141,34 @@ impl Map {
             scans: 0,
             points: 0,
             skipped: 0,
-            cpu: [Duration::ZERO; 5],
+            clock: StageClock::new(CpuScope::Thread),
         })
     }
 
     fn fold(&mut self, scan: &PosedScan) -> Result<()> {
-        let Self { volume, field, places, cpu, .. } = self;
-        let report = timed(&mut cpu[INTEGRATE], || match self.mode {
-            Mode::Band => volume.integrate_band(&scan.origin, &scan.points),
-            Mode::Clear => volume.integrate(&scan.origin, &scan.points),
-        })
-        .with_context(|| format!("the pose of {}", scan.file.display()))?;
+        let Self { volume, field, places, clock, .. } = self;
+        let report = clock
+            .time("integrate", || match self.mode {
+                Mode::Band => volume.integrate_band(&scan.origin, &scan.points),
+                Mode::Clear => volume.integrate(&scan.origin, &scan.points),
+            })
+            .with_context(|| format!("the pose of {}", scan.file.display()))?;
         ensure!(
             report.refused_blocks == 0,
             "{}: the map is full ({} blocks); the pose may be wrong, or --voxel is too small for this place",
             scan.file.display(),
             volume.config().max_blocks
         );
-        timed(&mut cpu[LABELS], || volume.vote_instances(&scan.labelled));
-        timed(&mut cpu[MESH], || volume.update_mesh());
+        clock.time("labels", || volume.vote_instances(&scan.labelled));
+        clock.time("mesh", || volume.update_mesh());
         if self.mode == Mode::Clear {
-            let update = timed(&mut cpu[DISTANCE], || field.update(volume));
+            let update = clock.time("distance", || field.update(volume));
             ensure!(
                 update.refused_blocks == 0,
                 "{}: the distance field cannot span the map; the pose may be wrong",
                 scan.file.display()
             );
-            timed(&mut cpu[PLACES], || places.update(field));
+            clock.time("places", || places.update(field));
         }
         self.scans += 1;
         self.points += scan.points.len();
@@ -182,33 +178,35 @@ impl Map {
 
     /// The mesh with every change in it.
     fn complete_mesh(&mut self) -> Mesh {
-        timed(&mut self.cpu[MESH], || self.volume.complete_mesh());
+        let Self { volume, clock, .. } = self;
+        clock.time("mesh", || volume.complete_mesh());
         self.volume.mesh()
     }
 
-    fn tell(&self, number: usize, of: usize, quiet: bool) {
-        if !quiet && ((number + 1).is_multiple_of(10) || number + 1 == of) {
-            eprintln!(
-                "scan {} of {of}: {} blocks, {} places",
-                number + 1,
-                self.volume.block_count(),
-                self.places.places().len()
-            );
-        }
+    /// How far it is; without a terminal every tenth scan is news.
+    fn tell(&self, view: &ProgressView, of: usize) {
+        let line = format!(
+            "scan {} of {of}: {} blocks, {} places",
+            self.scans,
+            self.volume.block_count(),
+            self.places.places().len()
+        );
+        view.show(self.scans as u64, &line, self.scans.is_multiple_of(10) || self.scans == of);
     }
 
     fn summary(&self, mesh: &Mesh) -> Value {
         let observed = self.volume.observed_voxels();
-        let cpu = |stage: usize| self.cpu[stage].as_secs_f64();
+        let figures = self.clock.figures();
+        let cpu = |stage: &str| figures.get(stage).map_or(0.0, |stage| stage.cpu_ms_total * 1e-3);
         json!({
             "scans": self.scans,
             "points": self.points,
             "points_skipped": self.skipped,
-            "cpu_s_integrate": cpu(INTEGRATE),
-            "cpu_s_labels": cpu(LABELS),
-            "cpu_s_mesh": cpu(MESH),
-            "cpu_s_distance": cpu(DISTANCE),
-            "cpu_s_places": cpu(PLACES),
+            "cpu_s_integrate": cpu("integrate"),
+            "cpu_s_labels": cpu("labels"),
+            "cpu_s_mesh": cpu("mesh"),
+            "cpu_s_distance": cpu("distance"),
+            "cpu_s_places": cpu("places"),
             "blocks": self.volume.block_count(),
             "observed_voxels": observed,
             "bytes_per_observed_voxel": self.volume.memory_bytes() as f64 / observed.max(1) as f64,
@@ -218,13 +216,6 @@ impl Map {
             "place_edges": self.places.edges().len(),
         })
     }
-}
-
-fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
-    let start = ThreadTime::now();
-    let out = work();
-    *sum += start.elapsed();
-    out
 }
 
 /// A scan in the world's frame.
@@ -311,29 +302,6 @@ fn places_json(graph: &PlaceGraph) -> Value {
     let edges: Vec<_> = graph.edges().iter().map(|e| json!([number(e.a), number(e.b), e.clearance_m])).collect();
     let ids: Vec<_> = places.iter().map(|p| p.id.0).collect();
     json!({ "nodes": nodes, "edges": edges, "ids": ids })
-}
-
-/// Writes beside the file and puts it in its place: the old one stays whole until the new one is.
-fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
-    let context = || format!("writing {}", path.display());
-    let name = path.file_name().with_context(|| format!("{} is no file name", path.display()))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let beside = folder.join(format!(".{}.{}.new", name.to_string_lossy(), std::process::id()));
-    let result = (|| {
-        let file = File::create(&beside)?;
-        let mut out = BufWriter::new(&file);
-        write(&mut out)?;
-        out.flush()?;
-        drop(out);
-        file.sync_all()?;
-        std::fs::rename(&beside, path)?;
-        File::open(folder)?.sync_all()
-    })();
-    if result.is_err() {
-        // Whatever stopped the writing is the error to tell; a leftover is only untidy.
-        let _ = std::fs::remove_file(&beside);
-    }
-    result.with_context(context)
 }
 
 fn print_summary(summary: &Value) {

@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use arena::cli::read_rig;
 use arena::mission::odometry_run::OdometryRun;
 use arena::mission::omni_perception::{LioConfig, OdometryEstimate};
 use arena::mission::recording::{self, RecordingError, RecordingOptions};
 use arena::mission::rig::Rig;
+use arena::whole_file::write_whole;
 use clap::Args;
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
@@ -102,11 +102,9 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
             options.recording.display()
         );
     }
-    write_whole(&options.out, trajectory.as_bytes())?;
+    write_whole(&options.out, |out| out.write_all(trajectory.as_bytes()))?;
     if let Some(path) = &options.map_out {
-        let mut bytes = Vec::new();
-        run.odometry.map().write(&mut bytes).context("writing the map")?;
-        write_whole(path, &bytes)?;
+        write_whole(path, |out| run.odometry.map().write(out))?;
     }
 
     if options.json {
@@ -171,19 +169,6 @@ fn with_causes(error: &RecordingError) -> String {
     text
 }
 
-/// Writes beside the place, to the disk, and renames, so that there is never half a file.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let name = path.file_name().with_context(|| format!("{} names no file", path.display()))?;
-    let temporary = path.with_file_name(format!(".{}.part", name.to_string_lossy()));
-    let write = || -> std::io::Result<()> {
-        let mut file = fs::File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()
-    };
-    write().with_context(|| format!("writing {}", temporary.display()))?;
-    fs::rename(&temporary, path).with_context(|| format!("writing {}", path.display()))
-}
-
 /// Peak memory of this process, MiB; Linux only.
 fn peak_rss_mib() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
@@ -194,33 +179,7 @@ fn peak_rss_mib() -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use arena::mission::omni_perception::{RotatingMount, Stamp};
-    use arena::mission::recording::RecordedRig;
-
-    #[test]
-    fn the_promised_keys() {
-        let identity = Isometry3::identity();
-        let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
-        let rig = RecordedRig { mount, is_rotating: true, body_from_imu: identity };
-        let mut run = OdometryRun::new(&rig, LioConfig::default()).expect("sound");
-        run.cpu_ms = vec![3.0, 1.0, 2.0];
-        let summary = summary(&run, None);
-        let keys: Vec<&str> = summary.as_object().expect("an object").keys().map(String::as_str).collect();
-        assert_eq!(
-            keys,
-            [
-                "cpu_ms_per_scan_median",
-                "cpu_ms_per_scan_p95",
-                "degenerate_scans",
-                "dropped",
-                "rss_growth_mib",
-                "scans",
-                "scans_tracked",
-                "status_counts"
-            ]
-        );
-        assert_eq!(summary["cpu_ms_per_scan_median"], 2.0);
-    }
+    use arena::mission::omni_perception::Stamp;
 
     #[test]
     fn nine_decimals_of_a_date() {

@@ -1,18 +1,17 @@
 //! `omnivln fuse` as a program meets it: stable keys, the same bytes at any number of threads, complaints that name the place.
 
+mod support;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
+use support::omnivln;
 
 fn fuse(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_omnivln")).arg("fuse").args(arguments).output().expect("it starts");
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
-    let (out, err) = (text(output.stdout), text(output.stderr));
-    assert!(!err.contains("panicked"), "{arguments:?}: {err}");
-    (output.status.code(), out, err)
+    omnivln(&[&["fuse"], arguments].concat())
 }
 
 const HEADER: &str = "index,stamp,tx,ty,tz,qx,qy,qz,qw\n";

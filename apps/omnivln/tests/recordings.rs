@@ -1,24 +1,11 @@
 //! `omnivln record` and `omnivln odometry` as a program meets them: a bag of three seconds, followed.
 
+mod support;
+
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
-use serde_json::Value;
-
-fn omnivln(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_omnivln")).args(arguments).output().expect("it starts");
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
-    let (out, err) = (text(output.stdout), text(output.stderr));
-    assert!(!err.contains("panicked"), "{arguments:?}: {err}");
-    (output.status.code(), out, err)
-}
-
-fn json(arguments: &[&str]) -> Value {
-    let (code, out, err) = omnivln(arguments);
-    assert_eq!(code, Some(0), "{arguments:?}: {err}");
-    serde_json::from_str(&out).unwrap_or_else(|error| panic!("{arguments:?}: {error}: {out}"))
-}
+use support::{json, keys, omnivln};
 
 /// Stamp and position of each line.
 fn trajectory(path: &Path) -> Vec<[f64; 4]> {
@@ -43,20 +30,17 @@ fn a_recording_is_followed() {
     assert_eq!(described["scans"], 50);
 
     let summary = json(&["odometry", &bag, "--out", &path("one.tum"), "--map-out", &path("map"), "--json"]);
-    let keys: Vec<&String> = summary.as_object().unwrap().keys().collect();
-    assert_eq!(
-        keys,
-        [
-            "cpu_ms_per_scan_median",
-            "cpu_ms_per_scan_p95",
-            "degenerate_scans",
-            "dropped",
-            "rss_growth_mib",
-            "scans",
-            "scans_tracked",
-            "status_counts"
-        ]
-    );
+    let promised = [
+        "scans",
+        "scans_tracked",
+        "cpu_ms_per_scan_median",
+        "cpu_ms_per_scan_p95",
+        "rss_growth_mib",
+        "status_counts",
+        "degenerate_scans",
+        "dropped",
+    ];
+    assert_eq!(keys(&summary), promised.into());
     assert_eq!(summary["scans"], 50);
     assert!(summary["scans_tracked"].as_u64().unwrap() >= 44, "{summary}");
     assert!(fs::metadata(path("map")).unwrap().len() > 1000);

@@ -1,32 +1,15 @@
 //! The toolbox as a program meets it: stable keys on stdout, complaints on stderr, graphs that somebody else recorded.
 
+mod support;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use arena::cli::load_robot;
 use arena::mission::robot_model::RobotKind;
 use serde_json::Value;
-
-fn omnivln(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_omnivln")).args(arguments).output().expect("it starts");
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
-    let (out, err) = (text(output.stdout), text(output.stderr));
-    assert!(!err.contains("panicked"), "{arguments:?}: {err}");
-    (output.status.code(), out, err)
-}
-
-/// One JSON object on stdout, nothing else.
-fn json(arguments: &[&str]) -> Value {
-    let (code, out, err) = omnivln(arguments);
-    assert_eq!(code, Some(0), "{arguments:?}: {err}");
-    serde_json::from_str(&out).unwrap_or_else(|error| panic!("{arguments:?}: {error}: {out}"))
-}
-
-fn keys(value: &Value) -> BTreeSet<&str> {
-    value.as_object().expect("an object").keys().map(String::as_str).collect()
-}
+use support::{json, keys, omnivln};
 
 const ASK_KEYS: [&str; 7] = ["rooms", "candidates", "prompt", "prompt_tokens", "trace", "action", "verdict"];
 

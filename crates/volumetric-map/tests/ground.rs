@@ -5,9 +5,7 @@ mod support;
 use nalgebra::{Point2, Point3};
 use proptest::prelude::*;
 use support::{CABINET, HEIGHT, Lidar, TABLE, World, drive, flat_grid, in_world};
-use volumetric_map::{
-    Cell, Column, Footing, GroundLimits, HeightMap, OccupancyGrid, Volume, VolumeConfig, clearance, skeleton,
-};
+use volumetric_map::{Cell, Column, Footing, GroundLimits, HeightMap, Volume, VolumeConfig, clearance, skeleton};
 
 /// A hall of 6 m x 4 m: a platform of 0.10 m, a crate of 0.35 m, a beam 0.6 m above the floor, and a ramp of small steps.
 fn hall() -> World {

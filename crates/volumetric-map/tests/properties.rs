@@ -6,8 +6,8 @@ use nalgebra::Point3;
 use proptest::prelude::*;
 use support::flat_grid;
 use volumetric_map::{
-    Cell, DistanceField, LineOfSight, LoadError, Mesh, PlaceConfig, PlaceEvent, PlaceGraph, Volume,
-    VolumeConfig, clearance, fill_islands,
+    Cell, DistanceField, LineOfSight, LoadError, Mesh, PlaceConfig, PlaceEvent, PlaceGraph, Volume, VolumeConfig,
+    clearance, fill_islands,
 };
 
 /// A scan: a sensor position near the origin and points around, some of them hostile.
