@@ -87,12 +87,12 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     write_run(&folder, &result, &scene, &task)?;
     let path = folder.publish()?;
     let summary = &result.summary;
-    println!("{}", summary.reason);
+    crate::say!("{}", summary.reason);
     if let Some(error) = &summary.segmenter_error {
         eprintln!("{} of {} pictures have no masks; last: {error}", summary.images_without_masks, summary.images);
     }
     if !options.quiet {
-        println!(
+        crate::say!(
             "{} in {:.1} s of simulated time, {:.1} m of way (shortest {}), {} decisions, {} prompt tokens, {} collisions.",
             if summary.success { "Success" } else { "No success" },
             summary.sim_s,
@@ -102,7 +102,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
             summary.prompt_tokens,
             summary.collisions,
         );
-        println!("Look at {}", path.join("report.html").display());
+        crate::say!("Look at {}", path.join("report.html").display());
     }
     Ok(summary.success)
 }

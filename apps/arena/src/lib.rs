@@ -24,6 +24,7 @@ pub mod referee;
 pub mod report;
 pub mod run;
 pub mod run_folder;
+pub mod say;
 pub mod scenario;
 pub mod simulation;
 pub mod summary;

@@ -8,6 +8,7 @@ use mission::omni_perception::{MaskedPanorama, Stamp};
 use mission::robot_model::RobotModel;
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::stream::SensorEvent;
+use mission::tum::tum_line;
 use nalgebra::{Isometry3, Point2};
 use serde_json::{Value, json};
 
@@ -15,7 +16,7 @@ use crate::cli::word;
 use crate::drift::DriftConfig;
 use crate::pilot::{Pilot, PilotConfig};
 use crate::record_topics::TopicWriter;
-use crate::record_truth::{draw_tasks, masks_json, true_masks_json, tum_line, write_building, write_tasks};
+use crate::record_truth::{draw_tasks, masks_json, true_masks_json, write_building, write_tasks};
 use crate::referee::Referee;
 use crate::run::with_fixed_lidar;
 use crate::run_folder::RunFolder;

@@ -4,7 +4,7 @@
 
 use anyhow::Result;
 use mission::omni_perception::{Mask, MaskedPanorama, Rle, Stamp};
-use nalgebra::{Isometry3, Point2};
+use nalgebra::Point2;
 use omni_sim::building::Building;
 use omni_sim::region::regions_of;
 use rand::SeedableRng;
@@ -84,14 +84,6 @@ fn box_of(rle: &Rle) -> [u32; 4] {
         bounds[3] = bounds[3].max(span.bottom);
     }
     if bounds[0] == u32::MAX { [0; 4] } else { bounds }
-}
-
-/// One line of a TUM trajectory.
-pub fn tum_line(date: Stamp, pose: &Isometry3<f64>) -> String {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
-    // Whole numbers: seconds since 1970 in a float would lose the last digits.
-    let (s, ns) = (date.0.div_euclid(1_000_000_000), date.0.rem_euclid(1_000_000_000));
-    format!("{s}.{ns:09} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12} {:.12}\n", t.x, t.y, t.z, q.x, q.y, q.z, q.w)
 }
 
 /// `truth/objects.json`, `truth/rooms.json`, `truth/doors.json`.
@@ -193,11 +185,5 @@ mod tests {
         let text = json["annotations"][0]["segmentation"]["counts"].as_str().unwrap();
         assert_eq!(Rle::from_coco_string(4, 3, text).unwrap(), panorama.masks[0].rle);
         assert_eq!(box_of(&Rle::from_counts(4, 3, &[12]).unwrap()), [0; 4]);
-    }
-
-    #[test]
-    fn a_date_keeps_its_nanoseconds() {
-        let line = tum_line(Stamp(1_700_000_000_000_000_007), &Isometry3::translation(1.0, 2.0, 3.0));
-        assert!(line.starts_with("1700000000.000000007 1.000000000 2.0"), "{line}");
     }
 }

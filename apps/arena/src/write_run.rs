@@ -2,6 +2,8 @@
 
 use anyhow::Result;
 use mission::mission::Outcome;
+use mission::omni_perception::Stamp;
+use mission::tum::tum_line;
 use nalgebra::{Isometry3, Point2};
 use serde_json::json;
 
@@ -63,18 +65,7 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
 fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &Task) -> Result<()> {
     let mut trajectory = String::from("# t_s x y z qx qy qz qw, true pose of the body in the building\n");
     for (stamp_ns, pose) in &result.truth.poses {
-        let (t, q) = (pose.translation.vector, pose.rotation.coords);
-        trajectory.push_str(&format!(
-            "{:.9} {:.6} {:.6} {:.6} {:.9} {:.9} {:.9} {:.9}\n",
-            *stamp_ns as f64 * 1e-9,
-            t.x,
-            t.y,
-            t.z,
-            q.x,
-            q.y,
-            q.z,
-            q.w
-        ));
+        trajectory.push_str(&tum_line(Stamp(*stamp_ns), pose));
     }
     folder.write("truth/trajectory.tum", trajectory.as_bytes())?;
     let objects: Vec<_> = scene

@@ -27,11 +27,13 @@ pub mod journal;
 pub mod llm_reasoner;
 pub mod localisation;
 pub mod map_frame;
+pub mod mapping_run;
 pub mod mission;
 pub mod navigation;
 pub mod odometer;
 pub mod odometry_run;
 pub mod openai;
+pub mod posed_scans;
 pub mod reach;
 pub mod reasoning;
 pub mod recording;
@@ -47,6 +49,7 @@ pub mod segmenter_http;
 pub mod snapshot;
 pub mod stage_clock;
 pub mod stream;
+pub mod tum;
 pub mod world_model;
 
 // The parts, for those who hold a mission: the arena and the toolbox see the crates of the robot's side only through it.

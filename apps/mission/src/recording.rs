@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 use omni_perception::{RotatingMount, Stamp};
+use robot_model::RobotModel;
 use thiserror::Error;
 
 use crate::recording::npz::NpzError;
@@ -25,6 +26,8 @@ use crate::stream::SensorEvent;
 pub struct Recording {
     /// Where the sensors sit.
     pub rig: RecordedRig,
+    /// Where the camera sits in the body, x forward, z up, if the recording holds images and says it.
+    pub body_from_camera: Option<Isometry3<f64>>,
     /// What they said, by the time of delivery ([`SensorEvent::stamp`]).
     pub events: Box<dyn Iterator<Item = Result<SensorEvent, RecordingError>>>,
 }
@@ -38,6 +41,25 @@ pub struct RecordedRig {
     pub is_rotating: bool,
     /// The IMU in the body. In a folder or bag without a robot the body is the IMU.
     pub body_from_imu: Isometry3<f64>,
+}
+
+impl RecordedRig {
+    /// The robot with the sensors where the recording had them; a camera that it says nothing about stays where the robot has it.
+    pub fn fitted(&self, robot: &RobotModel, body_from_camera: Option<Isometry3<f64>>) -> RobotModel {
+        let mut fitted = robot.clone();
+        let sensors = &mut fitted.sensors;
+        sensors.body_from_lidar_stator = self.mount.body_from_stator;
+        sensors.rotor_from_sensor = self.mount.rotor_from_sensor;
+        sensors.body_from_imu = self.body_from_imu;
+        sensors.body_from_camera = body_from_camera.unwrap_or(sensors.body_from_camera);
+        // How fast it turns, the encoder says; here only whether it does.
+        sensors.lidar.rotation_hz = match (self.is_rotating, sensors.lidar.rotation_hz) {
+            (false, _) => 0.0,
+            (true, 0.0) => 1.0,
+            (true, own) => own,
+        };
+        fitted
+    }
 }
 
 /// Why a recording, or one event of it, cannot be read.
@@ -193,7 +215,7 @@ pub fn open_with(path: &Path, options: &RecordingOptions) -> Result<Recording, R
     }
     if rosbag::is_bag(path) {
         let bag = rosbag::Bag::open(path, options)?;
-        return Ok(Recording { rig: bag.rig, events: Box::new(bag.events) });
+        return Ok(Recording { rig: bag.rig, body_from_camera: bag.body_from_camera, events: Box::new(bag.events) });
     }
     Err(RecordingError::UnknownFormat { path: path.to_owned() })
 }

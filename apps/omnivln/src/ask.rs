@@ -116,7 +116,7 @@ pub fn run(options: &AskOptions) -> Result<ExitCode> {
             "rooms": rooms, "candidates": ranked, "prompt": prompt.text, "prompt_tokens": prompt.tokens,
             "trace": trace, "action": action, "verdict": verdict,
         });
-        println!("{answer}");
+        arena::say!("{answer}");
     } else {
         print_answer(&graph, &rooms, &ranked, &prompt.text, prompt.tokens, &trace, &action, &verdict);
     }
@@ -134,16 +134,16 @@ fn print_answer(
     action: &str,
     verdict: &str,
 ) {
-    println!("Scene: {} rooms, {} objects, {} places", rooms.len(), graph.objects().count(), graph.places().count());
+    arena::say!("Scene: {} rooms, {} objects, {} places", rooms.len(), graph.objects().count(), graph.places().count());
     for room in rooms {
-        println!("  {} {} ({} objects)", text(&room["id"]), text(&room["name"]), room["objects"]);
+        arena::say!("  {} {} ({} objects)", text(&room["id"]), text(&room["name"]), room["objects"]);
     }
-    println!("\nCandidates:");
+    arena::say!("\nCandidates:");
     if ranked.is_empty() {
-        println!("  none");
+        arena::say!("  none");
     }
     for candidate in ranked {
-        println!(
+        arena::say!(
             "  {} {} (score {:.2}, room {})",
             text(&candidate["id"]),
             text(&candidate["label"]),
@@ -151,11 +151,11 @@ fn print_answer(
             candidate["room"].as_str().unwrap_or("unknown")
         );
     }
-    println!("\nPrompt ({tokens} tokens):\n{prompt}\n\nReasoning:");
+    arena::say!("\nPrompt ({tokens} tokens):\n{prompt}\n\nReasoning:");
     for step in trace {
-        println!("  {}: {} -> {}", text(&step["step"]), text(&step["input"]), text(&step["output"]));
+        arena::say!("  {}: {} -> {}", text(&step["step"]), text(&step["input"]), text(&step["output"]));
     }
-    println!("\nAction: {action}\nCritic: {verdict}");
+    arena::say!("\nAction: {action}\nCritic: {verdict}");
 }
 
 fn text(value: &Value) -> &str {

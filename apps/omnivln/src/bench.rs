@@ -90,7 +90,7 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let result =
         bench_nav(&robot, kind, indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
     if options.json {
-        println!("{}", serde_json::to_string(&result)?);
+        arena::say!("{}", serde_json::to_string(&result)?);
     } else {
         print_table(indices, &result);
     }
@@ -98,9 +98,9 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
 }
 
 fn print_table(indices: &[usize], result: &BenchNav) {
-    println!("run  ok   path m  short m   spl  sim s  wall s  dec  tokens  hits  scene       instruction / reason");
+    arena::say!("run  ok   path m  short m   spl  sim s  wall s  dec  tokens  hits  scene       instruction / reason");
     for (index, run) in indices.iter().zip(&result.runs) {
-        println!(
+        arena::say!(
             "{index:3}  {:3} {:7.1} {:8} {:5.2} {:6.0} {:7.0} {:4} {:7} {:5}  {:10}  \"{}\"{}",
             if run.success { "yes" } else { "NO" },
             run.path_m,
@@ -117,7 +117,7 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         );
     }
     let drawn = &result.drawn;
-    println!(
+    arena::say!(
         "\ndrawn: rooms {:?}; kinds {}; target hidden at the start {:.0} %; rival of the class {:.0} %; median shortest way {:.1} m",
         drawn.rooms,
         drawn.kinds.iter().map(|(kind, share)| format!("{kind} {:.0} %", share * 100.0)).collect::<Vec<_>>().join(", "),
@@ -125,7 +125,7 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         drawn.rival_exists * 100.0,
         drawn.shortest_median_m
     );
-    println!(
+    arena::say!(
         "{} of {} right ({:.0} %), mean SPL {:.2}, {} collisions, {:.1}x real time, {:.0} s on the wall",
         result.runs.iter().filter(|run| run.success).count(),
         result.runs.len(),
@@ -161,7 +161,7 @@ pub fn coverage(options: &CoverageOptions) -> Result<ExitCode> {
     let stop = stop_at_ctrl_c()?;
     let result = bench_coverage(&robot, options.seed, options.seeds, &RunConfig::default(), options.quiet, &stop)?;
     if options.json {
-        println!("{}", serde_json::to_string(&result)?);
+        arena::say!("{}", serde_json::to_string(&result)?);
     } else {
         print_coverage(&result);
     }
@@ -170,12 +170,18 @@ pub fn coverage(options: &CoverageOptions) -> Result<ExitCode> {
 
 fn print_coverage(result: &BenchCoverage) {
     let row = |name: &str, mount: &str, c: &Coverage| {
-        println!(
+        arena::say!(
             "{name:>8}  {mount:9} {:9.3} {:7.3} {:6.3} {:12.3} {:11.3} {:9.1} {:8.1}",
-            c.precision, c.recall, c.f1, c.solid_angle_fraction, c.map_recall, c.known_after_s, c.objects
+            c.precision,
+            c.recall,
+            c.f1,
+            c.solid_angle_fraction,
+            c.map_recall,
+            c.known_after_s,
+            c.objects
         );
     };
-    println!("    seed  mount     precision  recall     F1  solid angle  map recall  known s  objects");
+    arena::say!("    seed  mount     precision  recall     F1  solid angle  map recall  known s  objects");
     for seed in &result.seeds {
         row(&seed.seed.to_string(), "rotating", &seed.rotating);
         row("", "fixed", &seed.fixed);

@@ -1,22 +1,27 @@
-//! `omnivln fuse DIR --out mesh.ply`: a folder of posed scans becomes a surface, a distance field and places.
+//! `omnivln fuse DIR --out mesh.ply`: posed scans become a surface, a distance field and places.
 //!
-//! The folder holds `poses.csv` (columns `index`, `tx ty tz`, `qx qy qz qw`: world from sensor) and `scan_0000.ply` and so on
-//! (binary, `float x y z` in the sensor's frame, `ushort label` and `ushort instance` if there are any). Everything is brought up to date after each scan, as
-//! on a robot; the times are CPU seconds of the thread that does it, reading not included.
+//! They come from a folder of scans and poses (`fuse/folder.rs`), or from a recording and the trajectory of its IMU
+//! (`fuse/posed_recording.rs`). Everything is brought up to date after each scan, as on a robot; the times are CPU seconds of the thread that
+//! does it, reading not included.
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
+mod folder;
+mod posed_recording;
+
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc::sync_channel;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use arena::mission::stage_clock::{CpuScope, StageClock};
 use arena::mission::volumetric_map::{DistanceField, Mesh, PlaceConfig, PlaceGraph, Volume, VolumeConfig};
 use arena::progress::ProgressView;
 use arena::whole_file::write_whole;
 use clap::{Args, ValueEnum};
-use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::Point3;
 use serde_json::{Value, json};
+
+use self::folder::ScanFolder;
+use self::posed_recording::PosedRecording;
 
 /// What a ray tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -30,8 +35,17 @@ enum Mode {
 /// Options of `fuse`.
 #[derive(Debug, Args)]
 pub struct FuseOptions {
-    /// Folder with poses.csv and scan_0000.ply, ...
+    /// Folder with poses.csv and scan_0000.ply, ...; with --trajectory a bag of ROS 2, or a folder with meta.json
     scans: PathBuf,
+    /// Where the IMU of the recording was: a file of lines "t x y z qx qy qz qw", as `odometry` writes it
+    #[arg(long, value_name = "TUM")]
+    trajectory: Option<PathBuf>,
+    /// Where the sensors sit, as a rig file, for recordings that do not say it, or say it wrong
+    #[arg(long, value_name = "FILE", requires = "trajectory")]
+    rig: Option<PathBuf>,
+    /// Topic of the scans in a bag, where there are several
+    #[arg(long, value_name = "TOPIC", requires = "trajectory")]
+    points: Option<String>,
     /// Edge of a voxel, metres
     #[arg(long, default_value_t = 0.05, value_name = "METRES")]
     voxel: f64,
@@ -61,36 +75,40 @@ pub fn run(options: &FuseOptions) -> Result<ExitCode> {
     ensure!(options.places.is_none() || options.mode == Mode::Clear, "--places needs free space: use --mode clear");
     let config = volume_config(options.voxel);
     config.validate().with_context(|| format!("--voxel {}", options.voxel))?;
-    let poses = read_poses(&options.scans.join("poses.csv"))?;
+    let source = Source::open(options)?;
     let mut map = Map::new(config, options.mode)?;
-    let view = ProgressView::new(poses.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len} {msg}", options.quiet);
-    let read = |(file, pose): &(PathBuf, Isometry3<f64>)| -> Result<PosedScan> { PosedScan::read(file, pose) };
+    let count = source.len().unwrap_or(0) as u64;
+    let template =
+        if count > 0 { "{elapsed_precise} [{bar:30}] {pos}/{len} {msg}" } else { "{elapsed_precise} {spinner} {msg}" };
+    let view = ProgressView::new(count, template, options.quiet);
     if options.threads == 1 {
-        for entry in &poses {
-            map.fold(&read(entry)?)?;
-            map.tell(&view, poses.len());
+        for scan in source.scans()? {
+            map.fold(&scan?)?;
+            map.tell(&view, source.len());
         }
     } else {
         std::thread::scope(|scope| -> Result<()> {
             // Two scans ahead are enough to keep the other thread busy, and bound the memory.
             let (send, receive) = sync_channel(2);
-            let entries = &poses;
+            let reads = &source;
             scope.spawn(move || {
-                for entry in entries {
+                let scans = reads.scans().unwrap_or_else(|error| Box::new(std::iter::once(Err(error))));
+                for scan in scans {
                     // The other side is gone once something failed there: nothing more to read.
-                    if send.send(read(entry)).is_err() {
+                    if send.send(scan).is_err() {
                         return;
                     }
                 }
             });
             for scan in receive {
                 map.fold(&scan?)?;
-                map.tell(&view, poses.len());
+                map.tell(&view, source.len());
             }
             Ok(())
         })?;
     }
     view.finish();
+    ensure!(map.scans > 0, "{} holds no scan that could be fused", options.scans.display());
     let mesh = map.complete_mesh();
     write_whole(&options.out, |out| mesh.write_ply(out))?;
     if let Some(file) = &options.places {
@@ -99,7 +117,7 @@ pub fn run(options: &FuseOptions) -> Result<ExitCode> {
     }
     let summary = map.summary(&mesh);
     if options.json {
-        println!("{summary}");
+        arena::say!("{summary}");
     } else {
         print_summary(&summary);
     }
@@ -152,11 +170,11 @@ impl Map {
                 Mode::Band => volume.integrate_band(&scan.origin, &scan.points),
                 Mode::Clear => volume.integrate(&scan.origin, &scan.points),
             })
-            .with_context(|| format!("the pose of {}", scan.file.display()))?;
+            .with_context(|| format!("the pose of {}", scan.name))?;
         ensure!(
             report.refused_blocks == 0,
             "{}: the map is full ({} blocks); the pose may be wrong, or --voxel is too small for this place",
-            scan.file.display(),
+            scan.name,
             volume.config().max_blocks
         );
         clock.time("labels", || volume.vote_instances(&scan.labelled));
@@ -166,7 +184,7 @@ impl Map {
             ensure!(
                 update.refused_blocks == 0,
                 "{}: the distance field cannot span the map; the pose may be wrong",
-                scan.file.display()
+                scan.name
             );
             clock.time("places", || places.update(field));
         }
@@ -184,14 +202,15 @@ impl Map {
     }
 
     /// How far it is; without a terminal every tenth scan is news.
-    fn tell(&self, view: &ProgressView, of: usize) {
+    fn tell(&self, view: &ProgressView, of: Option<usize>) {
         let line = format!(
-            "scan {} of {of}: {} blocks, {} places",
+            "scan {}{}: {} blocks, {} places",
             self.scans,
+            of.map_or(String::new(), |count| format!(" of {count}")),
             self.volume.block_count(),
             self.places.places().len()
         );
-        view.show(self.scans as u64, &line, self.scans.is_multiple_of(10) || self.scans == of);
+        view.show(self.scans as u64, &line, self.scans.is_multiple_of(10) || Some(self.scans) == of);
     }
 
     fn summary(&self, mesh: &Mesh) -> Value {
@@ -220,77 +239,45 @@ impl Map {
 
 /// A scan in the world's frame.
 struct PosedScan {
-    file: PathBuf,
+    /// What it is called in complaints.
+    name: String,
     origin: Point3<f64>,
     points: Vec<Point3<f32>>,
     /// The points that carry a label, with it and with their instance (0 = none).
     labelled: Vec<(Point3<f32>, u16, u16)>,
 }
 
-impl PosedScan {
-    fn read(file: &Path, world_from_sensor: &Isometry3<f64>) -> Result<Self> {
-        let input = File::open(file).with_context(|| format!("opening {}", file.display()))?;
-        let scan = Mesh::read_ply(input).with_context(|| format!("reading {}", file.display()))?;
-        let points: Vec<_> =
-            scan.vertices.iter().map(|p| (world_from_sensor * p.cast::<f64>()).cast::<f32>()).collect();
-        let instances = scan.instances.into_iter().chain(std::iter::repeat(0));
-        let tagged = points.iter().zip(scan.labels).zip(instances).map(|((p, label), instance)| (*p, label, instance));
-        let labelled = tagged.filter(|(_, label, _)| *label != 0).collect();
-        Ok(Self { file: file.to_owned(), origin: world_from_sensor.translation.vector.into(), points, labelled })
-    }
+/// Scans one after the other; an error ends them.
+type Scans = Box<dyn Iterator<Item = Result<PosedScan>>>;
+
+/// Where scans and poses come from.
+enum Source {
+    Folder(ScanFolder),
+    Recording(PosedRecording),
 }
 
-/// Between two scans nothing that carries a LiDAR moves farther than this.
-const LONGEST_JUMP_M: f64 = 100.0;
+impl Source {
+    fn open(options: &FuseOptions) -> Result<Source> {
+        match &options.trajectory {
+            Some(trajectory) => Ok(Source::Recording(PosedRecording::open(options, trajectory)?)),
+            None => Ok(Source::Folder(ScanFolder::open(&options.scans)?)),
+        }
+    }
 
-/// Scan files and their poses, in the order of the table.
-fn read_poses(file: &Path) -> Result<Vec<(PathBuf, Isometry3<f64>)>> {
-    let text = std::fs::read_to_string(file).with_context(|| format!("reading {}", file.display()))?;
-    let mut lines = text.lines().enumerate();
-    let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();
-    let mut columns = [0; 8];
-    for (column, name) in columns.iter_mut().zip(["index", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]) {
-        *column = header.iter().position(|title| *title == name).with_context(|| {
-            format!(
-                "{}: the first line has no column \"{name}\" (wanted: index,stamp,tx,ty,tz,qx,qy,qz,qw)",
-                file.display()
-            )
-        })?;
-    }
-    let folder = file.parent().unwrap_or(Path::new("."));
-    let mut poses: Vec<(PathBuf, Isometry3<f64>)> = Vec::new();
-    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        let place = || format!("{}, line {}", file.display(), number + 1);
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        let mut values = [0.0; 8];
-        for (value, column) in values.iter_mut().zip(columns) {
-            let cell = cells.get(column).with_context(|| format!("{}: too few columns", place()))?;
-            *value = cell
-                .parse()
-                .ok()
-                .filter(|v: &f64| v.is_finite())
-                .with_context(|| format!("{}: \"{cell}\" ({}) is not a finite number", place(), header[column]))?;
+    /// Number of scans, where that is known before.
+    fn len(&self) -> Option<usize> {
+        match self {
+            Source::Folder(folder) => Some(folder.len()),
+            Source::Recording(_) => None,
         }
-        let [index, x, y, z, qx, qy, qz, qw] = values;
-        ensure!(index >= 0.0 && index.fract() == 0.0, "{}: index {index} is not a whole number", place());
-        let quaternion = Quaternion::new(qw, qx, qy, qz);
-        let norm = quaternion.norm();
-        ensure!((0.9..1.1).contains(&norm), "{}: the quaternion has length {norm:.3}, it must be 1", place());
-        let pose = Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
-        if let Some((_, last)) = poses.last() {
-            let jump_m = (pose.translation.vector - last.translation.vector).norm();
-            ensure!(
-                jump_m <= LONGEST_JUMP_M,
-                "{}: the pose jumps by {jump_m:.1} m (at most {LONGEST_JUMP_M})",
-                place()
-            );
+    }
+
+    fn scans(&self) -> Result<Scans> {
+        match self {
+            Source::Folder(folder) => Ok(folder.scans()),
+            Source::Recording(recording) => recording.scans(),
         }
-        poses.push((folder.join(format!("scan_{index:04}.ply")), pose));
     }
-    if poses.is_empty() {
-        bail!("{} holds no poses", file.display());
-    }
-    Ok(poses)
 }
 
 /// Nodes are `[x, y, z, clearance]`, edges `[i, j, clearance]` with numbers of nodes; metres.
@@ -307,7 +294,7 @@ fn places_json(graph: &PlaceGraph) -> Value {
 fn print_summary(summary: &Value) {
     let number = |key: &str| summary[key].as_f64().unwrap_or(0.0);
     let scans = number("scans").max(1.0);
-    println!(
+    arena::say!(
         "{} scans, {} points; {} blocks, {} observed voxels at {:.1} bytes",
         summary["scans"],
         summary["points"],
@@ -315,11 +302,14 @@ fn print_summary(summary: &Value) {
         summary["observed_voxels"],
         number("bytes_per_observed_voxel")
     );
-    println!(
+    arena::say!(
         "mesh: {} vertices, {} faces; {} places, {} edges",
-        summary["mesh_vertices"], summary["mesh_faces"], summary["places"], summary["place_edges"]
+        summary["mesh_vertices"],
+        summary["mesh_faces"],
+        summary["places"],
+        summary["place_edges"]
     );
-    println!(
+    arena::say!(
         "ms CPU a scan: integrate {:.1}, labels {:.1}, mesh {:.1}, distance {:.1}, places {:.1}; {:.2} million points per CPU second",
         1e3 * number("cpu_s_integrate") / scans,
         1e3 * number("cpu_s_labels") / scans,

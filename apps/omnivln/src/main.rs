@@ -1,8 +1,9 @@
-//! The toolbox: ask a saved scene graph, record and read bags, align and fuse scans, run benches.
+//! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, run benches.
 
 mod ask;
 mod bench;
 mod fuse;
+mod map;
 mod odometry;
 mod record;
 mod register;
@@ -25,6 +26,8 @@ enum Command {
     Ask(ask::AskOptions),
     /// Fuses a folder of posed scans into a mesh, a distance field and places
     Fuse(fuse::FuseOptions),
+    /// Makes a scene graph and a map of a recording, with odometry of its own
+    Map(map::MapOptions),
     /// Aligns two scans: pose, inliers, time
     Register(register::RegisterOptions),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Ask(options) => ask::run(&options),
         Command::Fuse(options) => fuse::run(&options),
+        Command::Map(options) => map::run(&options),
         Command::Register(options) => register::run(&options),
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),

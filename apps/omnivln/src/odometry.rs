@@ -1,7 +1,6 @@
 //! `omnivln odometry RECORDING --out TUM`: the trajectory of a recording.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,12 +8,12 @@ use std::process::ExitCode;
 use anyhow::{Result, bail, ensure};
 use arena::cli::read_rig;
 use arena::mission::odometry_run::OdometryRun;
-use arena::mission::omni_perception::{LioConfig, OdometryEstimate};
+use arena::mission::omni_perception::LioConfig;
 use arena::mission::recording::{self, RecordingError, RecordingOptions};
 use arena::mission::rig::Rig;
+use arena::mission::tum::tum_line;
 use arena::whole_file::write_whole;
 use clap::Args;
-use nalgebra::Isometry3;
 use serde_json::{Value, json};
 
 /// Options of `odometry`.
@@ -84,7 +83,7 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
         }
         run.push(event, |_, estimate| {
             if let Some(estimate) = estimate {
-                write_pose(&mut trajectory, &estimate, &body_from_imu);
+                trajectory += &tum_line(estimate.stamp, &(estimate.world_from_body * body_from_imu));
             }
         });
     }
@@ -108,17 +107,17 @@ pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
     }
 
     if options.json {
-        println!("{}", summary(&run, growth_mib));
+        arena::say!("{}", summary(&run, growth_mib));
     } else {
-        println!("{} scans, {tracked} tracked -> {}", run.scans, options.out.display());
+        arena::say!("{} scans, {tracked} tracked -> {}", run.scans, options.out.display());
         if let (Some(median), Some(p95)) = (quantile(&run.cpu_ms, 0.5), quantile(&run.cpu_ms, 0.95)) {
-            println!("CPU per scan: median {median:.2} ms, 95 % below {p95:.2} ms");
+            arena::say!("CPU per scan: median {median:.2} ms, 95 % below {p95:.2} ms");
         }
         for (status, count) in &run.status_counts {
-            println!("  {status}: {count}");
+            arena::say!("  {status}: {count}");
         }
         for (reason, count) in &run.dropped {
-            println!("  left out, {reason}: {count}");
+            arena::say!("  left out, {reason}: {count}");
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -144,18 +143,6 @@ fn quantile(values: &[f64], share: f64) -> Option<f64> {
     sorted.get(((values.len() as f64 - 1.0) * share).round() as usize).copied()
 }
 
-/// One line of a TUM trajectory; the seconds are written from integers, with all nine decimals.
-fn write_pose(text: &mut String, estimate: &OdometryEstimate, body_from_imu: &Isometry3<f64>) {
-    let pose = estimate.world_from_body * body_from_imu;
-    let (p, q) = (pose.translation.vector, pose.rotation.coords);
-    let (whole, nanoseconds) = (estimate.stamp.0.div_euclid(1_000_000_000), estimate.stamp.0.rem_euclid(1_000_000_000));
-    let _ = writeln!(
-        text,
-        "{whole}.{nanoseconds:09} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9}",
-        p.x, p.y, p.z, q.x, q.y, q.z, q.w
-    );
-}
-
 fn with_causes(error: &RecordingError) -> String {
     let mut text = error.to_string();
     let mut cause = std::error::Error::source(error);
@@ -174,22 +161,4 @@ fn peak_rss_mib() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.split_whitespace().next()?.parse::<f64>().ok().map(|kib| kib / 1024.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use arena::mission::omni_perception::Stamp;
-
-    #[test]
-    fn nine_decimals_of_a_date() {
-        let estimate =
-            OdometryEstimate::at_rest(Stamp(1_700_000_000_099_861_111), Isometry3::translation(1.0, -2.0, 0.5));
-        let mut text = String::new();
-        write_pose(&mut text, &estimate, &Isometry3::identity());
-        assert_eq!(
-            text,
-            "1700000000.099861111 1.000000000 -2.000000000 0.500000000 0.000000000 0.000000000 0.000000000 1.000000000\n"
-        );
-    }
 }

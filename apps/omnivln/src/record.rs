@@ -70,7 +70,7 @@ pub fn run(options: &RecordOptions) -> Result<ExitCode> {
         None => single(options, &config)?,
     };
     if options.json {
-        println!("{description}");
+        arena::say!("{description}");
     } else {
         say(options, &description);
     }
@@ -112,8 +112,8 @@ fn dataset(options: &RecordOptions, config: &RecordConfig, count: usize) -> Resu
 fn say(options: &RecordOptions, description: &Value) {
     let out = options.out.display();
     match description["recordings"].as_array() {
-        Some(recordings) => println!("{} recordings in {out}, described in {out}/index.json", recordings.len()),
-        None => println!(
+        Some(recordings) => arena::say!("{} recordings in {out}, described in {out}/index.json", recordings.len()),
+        None => arena::say!(
             "{:.1} s and {:.1} m through {} rooms: {} scans, {} panoramas, {} tasks in {out}",
             description["duration_s"].as_f64().unwrap_or(0.0),
             description["path_m"].as_f64().unwrap_or(0.0),

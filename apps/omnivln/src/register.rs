@@ -69,13 +69,13 @@ pub fn run(options: &RegisterOptions) -> Result<ExitCode> {
             "t": rows, "inliers": found.inliers, "rmse_m": found.rmse_m, "cpu_ms": cpu_ms,
             "points": source.len(), "iterations": registration.iterations, "converged": registration.converged,
         });
-        println!("{answer}");
+        arena::say!("{answer}");
     } else {
-        println!("Pose of {} in {}:", options.source.display(), options.target.display());
+        arena::say!("Pose of {} in {}:", options.source.display(), options.target.display());
         for row in &rows {
-            println!("  {:12.8} {:12.8} {:12.8} {:12.6}", row[0], row[1], row[2], row[3]);
+            arena::say!("  {:12.8} {:12.8} {:12.8} {:12.6}", row[0], row[1], row[2], row[3]);
         }
-        println!(
+        arena::say!(
             "{} of {} points within {} m, {:.4} m from the nearest (root mean square)",
             found.inliers,
             source.len(),
@@ -83,7 +83,7 @@ pub fn run(options: &RegisterOptions) -> Result<ExitCode> {
             found.rmse_m
         );
         let ending = if registration.converged { "" } else { ", not converged: the pose is the last step's" };
-        println!("{} rounds, {cpu_ms:.1} ms{ending}", registration.iterations);
+        arena::say!("{} rounds, {cpu_ms:.1} ms{ending}", registration.iterations);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! `omnivln record` and `omnivln odometry` as a program meets them: a bag of three seconds, followed.
+//! `omnivln record`, `odometry`, `map` and `fuse` as a program meets them: a bag of some seconds, followed and mapped.
 
 mod support;
 
@@ -98,4 +98,115 @@ fn what_cannot_be_followed_ends_with_two_and_leaves_no_file() {
     fs::remove_file(root.path().join("x.mcap")).unwrap();
     fs::write(root.path().join("meta.json"), "{\"t0\": 0.0}").unwrap();
     refused(root.path(), &["meta.json"]);
+}
+
+/// Vertices of a mesh as a program wrote it.
+fn vertices(path: &Path) -> Vec<[f32; 3]> {
+    let bytes = fs::read(path).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = std::str::from_utf8(&bytes[..end]).unwrap();
+    let count: usize = header.split("element vertex ").nth(1).unwrap().split('\n').next().unwrap().parse().unwrap();
+    let properties = header.split("element face").next().unwrap();
+    let stride = 4 * properties.matches("property float").count() + 2 * properties.matches("property ushort").count();
+    let number = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    (0..count).map(|k| [0, 4, 8].map(|axis| number(end + k * stride + axis))).collect()
+}
+
+#[test]
+fn a_recording_alone_becomes_a_map_that_is_asked_and_fused_again_on_its_own_trajectory() {
+    let root = tempfile::tempdir().unwrap();
+    let path = |name: &str| root.path().join(name).to_str().unwrap().to_owned();
+    let bag = path("bag");
+    json(&["record", "--scene", "flat", "--seed", "2", "--max-time", "5", "--quiet", "--json", "--out", &bag]);
+    // What a robot must not know is not there to be read.
+    fs::remove_dir_all(Path::new(&bag).join("truth")).unwrap();
+    fs::remove_dir_all(Path::new(&bag).join("tasks")).unwrap();
+
+    let summary = json(&["map", &bag, "--out", &path("map"), "--quiet", "--json"]);
+    let promised = [
+        "scans",
+        "images",
+        "duration_s",
+        "path_m",
+        "rooms",
+        "objects",
+        "places",
+        "mesh_vertices",
+        "mesh_faces",
+        "is_interrupted",
+        "dropped",
+        "not_used",
+        "stages",
+    ];
+    assert_eq!(keys(&summary), promised.into());
+    let count = |key: &str| summary[key].as_u64().unwrap();
+    assert_eq!((count("scans"), summary["dropped"].as_object().unwrap().len()), (50, 0));
+    assert!(count("rooms") >= 1 && count("objects") >= 3 && count("places") >= 5, "{summary}");
+    assert_eq!(count("mesh_vertices") as usize, vertices(Path::new(&path("map/mesh.ply"))).len());
+    for file in
+        ["graph.json", "map.bin", "map.json", "map.svg", "scene_graph.txt", "scene_objects.json", "trajectory.tum"]
+    {
+        assert!(fs::metadata(Path::new(&path("map")).join(file)).unwrap().len() > 100, "{file}");
+    }
+    // The same bytes again, apart from the times; and without masks rooms but no things.
+    json(&["map", &bag, "--out", &path("again"), "--quiet", "--json"]);
+    for file in ["graph.json", "map.bin", "mesh.ply", "trajectory.tum"] {
+        assert!(fs::read(path(&format!("map/{file}"))).unwrap() == fs::read(path(&format!("again/{file}"))).unwrap());
+    }
+    let answer = json(&["ask", &path("map"), "go to the bedroom", "--json"]);
+    assert!(!answer["rooms"].as_array().unwrap().is_empty());
+    // Who has read enough closes the pipe: no panic.
+    #[cfg(unix)]
+    {
+        let script = r#""$0" ask "$1" "go to the bedroom" | true"#;
+        let arguments = ["-c", script, env!("CARGO_BIN_EXE_omnivln"), &path("map")];
+        let output = std::process::Command::new("sh").args(arguments).output().unwrap();
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    fs::rename(Path::new(&bag).join("masks"), path("masks")).unwrap();
+    let bare = json(&["map", &bag, "--out", &path("bare"), "--quiet", "--json"]);
+    assert_eq!((bare["objects"].as_u64(), bare["images"].as_u64()), (Some(0), Some(0)));
+    assert!(bare["rooms"].as_u64().unwrap() >= 1);
+    let masks = path("masks");
+    let with_masks = json(&["map", &bag, "--masks", &masks, "--out", &path("masked"), "--quiet", "--json"]);
+    assert_eq!(with_masks["objects"], summary["objects"]);
+
+    // Fused on the trajectory of the odometry: in the frame of that trajectory, level, the floor of the room is one plane.
+    json(&["odometry", &bag, "--out", &path("imu.tum"), "--json"]);
+    let fuse = |threads: &str| {
+        let (out, imu) = (path(&format!("{threads}.ply")), path("imu.tum"));
+        json(&["fuse", &bag, "--trajectory", &imu, "--out", &out, "--threads", threads, "--quiet", "--json"]);
+        fs::read(out).unwrap()
+    };
+    assert!(fuse("1") == fuse("2"), "threads change nothing");
+    let heights: Vec<f32> = vertices(Path::new(&path("1.ply"))).into_iter().map(|v| v[2]).collect();
+    let lowest = heights.iter().copied().fold(f32::INFINITY, f32::min);
+    let on_floor = heights.iter().filter(|z| (lowest..lowest + 0.06).contains(*z)).count();
+    assert!(10 * on_floor > heights.len(), "{on_floor} of {} vertices within 6 cm of {lowest} m", heights.len());
+}
+
+#[test]
+fn what_cannot_be_mapped_ends_with_two_and_a_sentence() {
+    let root = tempfile::tempdir().unwrap();
+    let path = |name: &str| root.path().join(name).to_str().unwrap().to_owned();
+    fs::create_dir(path("empty")).unwrap();
+    fs::create_dir(path("masks")).unwrap();
+    fs::write(path("short.tum"), "1 0 0 0 0 0 0 1\n").unwrap();
+    fs::write(path("broken.tum"), "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0\n").unwrap();
+    let (empty, out) = (path("empty"), path("out"));
+    for (arguments, words) in [
+        (vec!["map", &empty, "--out", &out], vec!["empty", "metadata.yaml"]),
+        (vec!["map", &empty, "--out", &out, "--masks", &path("masks")], vec!["masks", "STAMP.json"]),
+        (vec!["map", &empty, "--out", &out, "--height", "NaN"], vec!["--height"]),
+        (vec!["map", &empty, "--out", &out, "--rig", &path("no.toml")], vec!["no.toml"]),
+        (vec!["map", &empty, "--out", &out, "--phrases", "mug"], vec!["--segmenter"]),
+        (vec!["fuse", &empty, "--out", &out, "--trajectory", &path("short.tum")], vec!["1 poses"]),
+        (vec!["fuse", &empty, "--out", &out, "--trajectory", &path("broken.tum")], vec!["line 2"]),
+        (vec!["fuse", &empty, "--out", &out, "--trajectory", &path("no.tum")], vec!["no.tum"]),
+    ] {
+        let (code, text, err) = omnivln(&arguments);
+        assert_eq!((code, text.as_str()), (Some(2), ""), "{arguments:?}: {err}");
+        words.iter().for_each(|word| assert!(err.contains(word), "{arguments:?} says nothing of {word:?}: {err}"));
+        assert!(!Path::new(&out).exists());
+    }
 }

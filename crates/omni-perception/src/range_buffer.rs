@@ -148,19 +148,36 @@ impl CellGrid {
     /// The cell of a position in the image: column and row. Middles of pixels are multiplied, so that rounding moves none
     /// into the next cell.
     #[inline(always)]
-    fn cell_of(&self, u: f32, v: f32) -> (i32, i32) {
-        let cell = |x: f32| ((x as i32 as f32 + 0.5) * self.cells_per_px) as i32;
+    fn cell_of(&self, u: f32, v: f32) -> (u32, u32) {
+        let cell = |x: f32| whole((floor(x) + 0.5) * self.cells_per_px);
         (cell(u), cell(v))
     }
 
     /// The same for a block of pixels, as indices.
-    pub(crate) fn cells_of(&self, pixels: &PixelBlock, cells: &mut [i32; BLOCK]) {
-        let columns = self.columns as i32; // at most 32768 squared: an i32 holds all cells
+    pub(crate) fn cells_of(&self, pixels: &PixelBlock, cells: &mut [u32; BLOCK]) {
+        let columns = self.columns as u32; // at most 32768 squared: a u32 holds all cells
         for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
             let (column, row) = self.cell_of(*u, *v);
             *cell = row * columns + column;
         }
     }
+}
+
+/// From here on single precision has whole numbers only.
+const WHOLE_FROM: f32 = 8_388_608.0;
+
+/// The whole part of a number from 0 to 2^22, still as a float. Additions and a comparison, which become vector instructions; a cast
+/// with its checks does not.
+#[inline(always)]
+fn floor(x: f32) -> f32 {
+    let nearest = (x + WHOLE_FROM) - WHOLE_FROM;
+    nearest - if nearest > x { 1.0 } else { 0.0 }
+}
+
+/// The same as an integer: the last bits of a float in which only whole numbers have room.
+#[inline(always)]
+fn whole(x: f32) -> u32 {
+    (floor(x) + WHOLE_FROM).to_bits() - WHOLE_FROM.to_bits()
 }
 
 /// The column between its neighbours; they wrap behind the camera.
@@ -299,6 +316,16 @@ mod tests {
     }
 
     #[test]
+    fn whole_parts_are_those_of_a_cast() {
+        for step in 0..200_000_u32 {
+            let x = step as f32 * 0.163_7;
+            for x in [x, x.floor(), x.floor().next_down().max(0.0), x.floor().next_up()] {
+                assert_eq!((floor(x), whole(x)), (x.floor(), x as u32), "{x}");
+            }
+        }
+    }
+
+    #[test]
     fn cells_say_what_their_pixels_show() {
         for (width_px, height_px, cell_px) in [(40, 12, 2), (41, 13, 3), (7, 5, 4), (3, 3, 1), (5, 2, 9)] {
             let camera = Equirectangular { width_px, height_px, ..Equirectangular::default() };
@@ -313,7 +340,7 @@ mod tests {
             let grid = CellGrid::new(&camera, cell_px, &index);
             for (u, v) in (0..width_px).flat_map(|u| (0..height_px).map(move |v| (u, v))) {
                 let (column, row) = grid.cell_of(u as f32 + 0.99, v as f32);
-                assert_eq!((column, row), ((u / cell_px) as i32, (v / cell_px) as i32));
+                assert_eq!((column, row), (u / cell_px, v / cell_px));
                 let (column, row) = (column as usize, row as usize);
                 let cell = |column: usize, row: usize| grid.shows[row * grid.columns + column];
                 let pixel = index.mask_at(u, v);

@@ -117,7 +117,7 @@ impl Visibility {
 
 /// The numbers of a block's cells.
 #[inline(always)]
-fn gather(from: &[f32], cells: &[i32; BLOCK], into: &mut [f32; BLOCK]) {
+fn gather(from: &[f32], cells: &[u32; BLOCK], into: &mut [f32; BLOCK]) {
     for (number, &cell) in into.iter_mut().zip(cells) {
         *number = from[cell as usize];
     }

@@ -80,7 +80,7 @@ pub fn open(folder: &Path, rig: Option<RecordedRig>) -> Result<Recording, Record
     let sources: [Box<dyn Iterator<Item = Item>>; 3] =
         [Box::new(imu.into_iter()), Box::new(encoder.into_iter()), Box::new(scans)];
     let heads = sources.map(|mut source| (source.next(), source));
-    Ok(Recording { rig, events: Box::new(Merged { heads }) })
+    Ok(Recording { rig, body_from_camera: None, events: Box::new(Merged { heads }) })
 }
 
 /// Forces in multiples of gravity become m/s^2.
