@@ -46,6 +46,12 @@ impl BlockKey {
         let bits = |v: i32| u64::from((v as u32) & 0x1f_ffff);
         bits(self.x) | bits(self.y) << 21 | bits(self.z) << 42
     }
+
+    /// A number in the order of the keys, within the same bounds.
+    pub(crate) fn ordinal(self) -> u64 {
+        const HALF: i32 = 1 << 20;
+        self.offset(HALF, HALF, HALF).packed()
+    }
 }
 
 /// Number of a voxel in its block.
@@ -275,6 +281,8 @@ mod tests {
         assert_eq!(BlockKey::of_voxel([-1, 0, 7]), BlockKey { x: -1, y: 0, z: 0 });
         assert_eq!(local_of([-1, 0, 7]), 7 + 64 * 7);
         assert_ne!(BlockKey { x: -1, y: 0, z: 0 }.packed(), BlockKey { x: 1, y: 0, z: 0 }.packed());
+        let (low, high) = (BlockKey { x: 1, y: 0, z: -1 }, BlockKey { x: -1, y: 0, z: 0 });
+        assert!(low < high && low.ordinal() < high.ordinal());
         assert_eq!(BlockKey { x: -1, y: 2, z: 3 }.first_voxel(), [-8, 16, 24]);
     }
 

@@ -13,6 +13,7 @@ use rustc_hash::FxHashMap;
 use crate::block::{Block, BlockKey, VoxelSet, local_of};
 use crate::stride::voxel_of;
 use crate::volume::Volume;
+use crate::votes::Votes;
 
 mod cell;
 mod patch;
@@ -85,8 +86,7 @@ impl Volume {
     fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
         let mut stale = self.stale_blocks(tolerance, since);
         stale.append(&mut self.mesh_cache.waiting);
-        stale.sort_unstable();
-        stale.dedup();
+        in_order(&mut stale);
         let mut delta = MeshDelta::default();
         let mut part = MeshPart::default();
         let mut patch = Patch::new();
@@ -242,6 +242,7 @@ impl Volume {
         let base = key.first_voxel().map(|v| ((f64::from(v) + 0.5) * self.config.voxel_m) as f32);
         let votes = blocks.map(|block| block.and_then(|block| block.votes.as_deref()));
         let has_votes = votes.iter().any(Option::is_some);
+        let votes = votes.map(|votes| votes.unwrap_or(&NOBODY));
         let mut offsets = [[0.0; 64]; 3];
         for cells in part.cells.chunks(64) {
             patch.vertices(cells, &mut offsets);
@@ -289,6 +290,16 @@ impl Mesh {
 fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
+
+/// Sorts and takes out what is there twice.
+fn in_order(keys: &mut Vec<BlockKey>) {
+    // By one number each: a third of the comparisons.
+    keys.sort_unstable_by_key(|key| key.ordinal());
+    keys.dedup();
+}
+
+/// Of blocks that nobody voted on.
+static NOBODY: Votes = Votes::NONE;
 
 /// Numbers of the ones of a set.
 fn ones(mut set: u64) -> impl Iterator<Item = usize> {

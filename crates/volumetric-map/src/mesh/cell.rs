@@ -33,23 +33,33 @@ pub(super) fn cell_vertex(d: [f32; 8]) -> [f32; 3] {
 
 /// Label and instance of a cell's vertex: what leads in the voxel nearest to it, or where nobody voted on that one, what has the most
 /// votes among the eight voxels of the cell; ties to the smaller. The votes are those of a block and its positive neighbours.
-pub(super) fn cell_tag(votes: &[Option<&Votes>; 8], cell: [usize; 3], offset: [f32; 3]) -> (u16, u16) {
+pub(super) fn cell_tag(votes: &[&Votes; 8], cell: [usize; 3], offset: [f32; 3]) -> (u16, u16) {
     let slot_of = |dx: usize, dy: usize, dz: usize| {
         let [x, y, z] = [cell[0] + dx, cell[1] + dy, cell[2] + dz];
         let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
-        votes[x >> 3 | y >> 3 << 1 | z >> 3 << 2].map(|votes| (votes, local))
+        (votes[x >> 3 | y >> 3 << 1 | z >> 3 << 2], local)
     };
     let [dx, dy, dz] = offset.map(|part| usize::from(part > 0.5));
-    if let Some(tag) = slot_of(dx, dy, dz).and_then(|(votes, local)| votes.leader(local)) {
+    let (nearest, local) = slot_of(dx, dy, dz);
+    if let Some(tag) = nearest.leader(local) {
         return tag;
     }
-    let mut leaders = [((0, 0), 0); 8];
-    for (corner, leader) in leaders.iter_mut().enumerate() {
-        if let Some((votes, local)) = slot_of(corner & 1, corner >> 1 & 1, corner >> 2) {
-            *leader = (votes.leader(local).unwrap_or((0, 0)), u32::from(votes.count[local]));
+    let mut voted = [((0, 0), 0); 8];
+    let mut len = 0;
+    for corner in 0..8 {
+        let (votes, local) = slot_of(corner & 1, corner >> 1 & 1, corner >> 2);
+        // Written in any case and overwritten if nobody voted: which voxels were voted on no branch can foresee.
+        voted[len] = ((votes.label[local], votes.instance_at(local)), u32::from(votes.count[local]));
+        len += usize::from(votes.count[local] > 0);
+    }
+    match &voted[..len] {
+        [] => (0, 0),
+        // Mostly all that voted agree.
+        [(first, _), rest @ ..] if rest.iter().all(|(tag, _)| tag == first) => *first,
+        voted => {
+            let tally = |tag| voted.iter().filter(|vote| vote.0 == tag).map(|vote| vote.1).sum::<u32>();
+            let tags = voted.iter().map(|vote| vote.0);
+            tags.max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag))).unwrap_or((0, 0))
         }
     }
-    let tally = |tag| leaders.iter().filter(|leader| leader.0 == tag).map(|leader| leader.1).sum::<u32>();
-    let voted = leaders.iter().filter(|leader| leader.1 > 0).map(|leader| leader.0);
-    voted.max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag))).unwrap_or((0, 0))
 }
