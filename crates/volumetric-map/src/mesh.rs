@@ -246,15 +246,18 @@ impl Volume {
         let mut offsets = [[0.0; 64]; 3];
         for cells in part.cells.chunks(64) {
             patch.vertices(cells, &mut offsets);
-            for (slot, cell) in cells.iter().enumerate() {
-                let cell = usize::from(*cell);
-                let cell = [cell & 7, cell >> 3 & 7, cell >> 6];
-                let offset = [offsets[0][slot], offsets[1][slot], offsets[2][slot]];
+            let [x, y, z] = &offsets;
+            let offsets = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]);
+            let placed = cells.iter().map(|cell| local_to_voxel(*cell)).zip(offsets);
+            part.vertices.extend(placed.clone().map(|(cell, offset)| {
                 let at = |axis: usize| base[axis] + (cell[axis] as f32 + offset[axis]) * voxel;
-                part.vertices.push(Point3::new(at(0), at(1), at(2)));
-                part.tags.push(if has_votes { cell_tag(&votes, cell, offset) } else { (0, 0) });
+                Point3::new(at(0), at(1), at(2))
+            }));
+            if has_votes {
+                part.tags.extend(placed.map(|(cell, offset)| cell_tag(&votes, cell, offset)));
             }
         }
+        part.tags.resize(part.cells.len(), (0, 0));
     }
 
     /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
@@ -289,6 +292,12 @@ impl Mesh {
 
 fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
+}
+
+/// Column, row and layer of a block's cell.
+fn local_to_voxel(cell: u16) -> [usize; 3] {
+    let cell = usize::from(cell);
+    [cell & 7, cell >> 3 & 7, cell >> 6]
 }
 
 /// Sorts and takes out what is there twice.
@@ -360,15 +369,15 @@ impl MeshPart {
             // Row by row, in a row axis by axis.
             let mut rows = layer.edges[0] | layer.edges[1] | layer.edges[2];
             while rows != 0 {
-                let y = rows.trailing_zeros() as usize >> 3;
-                rows &= !(0xff << (8 * y));
-                for (axis, edges) in layer.edges.iter().enumerate() {
-                    for local in ones(edges & 0xff << (8 * y)) {
-                        let flip = layer.outside >> local & 1 == 1;
-                        let voxel = [local as u8 & 7, y as u8, z as u8];
-                        self.quads.push(Quad { voxel, axis: axis as u8, flip });
-                    }
-                }
+                let shift = rows.trailing_zeros() & !7;
+                rows &= !(0xff << shift);
+                let [x, y, z_edges] = layer.edges.map(|edges| edges >> shift & 0xff);
+                let outside = layer.outside >> shift;
+                self.quads.extend(ones(x | y << 8 | z_edges << 16).map(|edge| Quad {
+                    voxel: [edge as u8 & 7, shift as u8 >> 3, z as u8],
+                    axis: edge as u8 >> 3,
+                    flip: outside >> (edge & 7) & 1 == 1,
+                }));
             }
         }
     }

@@ -155,3 +155,85 @@ impl Layer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+    use crate::block::{BlockKey, VoxelSet, contains};
+
+    /// A block where a surface may be anywhere, some voxels are unknown and some far from anything.
+    fn random_block(rng: &mut ChaCha8Rng) -> Block {
+        let mut block = Block::new(BlockKey { x: 0, y: 0, z: 0 });
+        let set = |rng: &mut ChaCha8Rng| -> VoxelSet { std::array::from_fn(|_| rng.next_u64() | rng.next_u64()) };
+        block.known = std::array::from_fn(|z| set(rng)[z] | set(rng)[z]);
+        block.near_surface = set(rng);
+        block.distance = std::array::from_fn(|_| (rng.next_u32() % 24_000) as i16 - 6_000);
+        block
+    }
+
+    /// The distance of one of the 9^3 voxels, far outside where it is not near a surface; `None` where unknown.
+    fn distance(blocks: &[Option<&Block>; 8], [x, y, z]: [usize; 3]) -> Option<i16> {
+        let block = blocks[x >> 3 | y >> 3 << 1 | z >> 3 << 2]?;
+        let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
+        contains(&block.known, local).then_some(block.distance[local])
+    }
+
+    fn is_inside(blocks: &[Option<&Block>; 8], voxel: [usize; 3]) -> Option<bool> {
+        let [x, y, z] = voxel;
+        let local = (x & 7) | (y & 7) << 3 | (z & 7) << 6;
+        let is_negative = distance(blocks, voxel)? < 0;
+        Some(is_negative && contains(&blocks[x >> 3 | y >> 3 << 1 | z >> 3 << 2]?.near_surface, local))
+    }
+
+    fn check(blocks: &[Option<&Block>; 8]) {
+        let mut patch = Patch::new();
+        let was_read = patch.read(blocks);
+        for cell in 0..512usize {
+            let at = |k: usize| [(cell & 7) + (k & 1), (cell >> 3 & 7) + (k >> 1 & 1), (cell >> 6) + (k >> 2)];
+            let corners: [_; 8] = std::array::from_fn(|k| is_inside(blocks, at(k)));
+            let known: Vec<bool> = corners.iter().flatten().copied().collect();
+            let is_cell = known.len() == 8 && known.contains(&true) && known.contains(&false);
+            let layer = if was_read { patch.layers[cell >> 6] } else { Layer::default() };
+            let has = |set: u64| set >> (cell & 63) & 1 == 1;
+            assert_eq!(has(layer.cells), is_cell, "cell {cell}");
+            for (axis, edges) in layer.edges.into_iter().enumerate() {
+                let ends = corners[0].zip(corners[1 << axis]);
+                assert_eq!(has(edges), ends.is_some_and(|(a, b)| a != b), "edge {cell} {axis}");
+            }
+            if is_cell {
+                assert_eq!(has(layer.outside), corners[0] == Some(false));
+                let mut offsets = [[0.0; 64]; 3];
+                // Not alone in its group of lanes.
+                patch.vertices(&[cell as u16; 5], &mut offsets);
+                let plain = cell_vertex(std::array::from_fn(|k| f32::from(distance(blocks, at(k)).unwrap())));
+                assert_eq!(offsets.map(|axis| axis[4].to_bits()), plain.map(f32::to_bits), "vertex {cell}");
+            }
+        }
+    }
+
+    #[test]
+    fn layers_say_what_each_cell_says_by_itself() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for missing in [0u8, 0b1000_0000, 0b0101_0110, 0b1111_1110, 0b0000_0001] {
+            let blocks: [Block; 8] = std::array::from_fn(|_| random_block(&mut rng));
+            check(&std::array::from_fn(|k| (missing >> k & 1 == 0).then_some(&blocks[k])));
+        }
+        // Nothing inside.
+        let mut free = random_block(&mut rng);
+        free.distance = free.distance.map(|d| d.max(0));
+        assert!(!Patch::new().read(&[Some(&free); 8]));
+    }
+
+    #[test]
+    fn a_vertex_by_hand() {
+        // A plane a quarter of the way from the lower to the upper corners.
+        let offset = cell_vertex([-1.0, -1.0, -1.0, -1.0, 3.0, 3.0, 3.0, 3.0]);
+        assert_eq!(offset, [0.5, 0.5, 0.25]);
+        // A corner cut off: the mean of three crossings, each halfway along its edge.
+        let offset = cell_vertex([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
+        assert!(offset.iter().all(|o| (o - 1.0 / 6.0).abs() < 1e-6));
+    }
+}

@@ -92,3 +92,40 @@ fn add_different(moved: &mut VoxelSet, old: Option<&[u16; BLOCK_VOXELS]>, new: O
         *moved |= set_of(&std::array::from_fn(|i| old[i] != new[i]));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_voxel_moves_by_more_than_the_tolerance_and_only_near_the_surface() {
+        let tolerance = Tolerance { moved: 1600, near: 8800 };
+        let every = Tolerance { moved: 0, near: i16::MAX };
+        let cases = [
+            // old, new, moved by more than the tolerance near the surface, moved at all
+            (0, 0, false, false),
+            (0, 1600, false, true),
+            (0, 1601, true, true),
+            (0, -1601, true, true),
+            (-1000, 1000, true, true),
+            (8799, 32_000, true, true),
+            (32_000, -8799, true, true),
+            (8800, 32_000, false, true),
+            (-8800, 8800, false, true),
+            (32_000, -32_000, false, true),
+            (-32_000, 31_999, false, true),
+            (32_000, 32_000, false, false),
+        ];
+        let (mut old, mut new) = ([0; 64], [0; 64]);
+        let (mut near, mut all) = (0, 0);
+        for (i, (a, b, is_near, is_any)) in cases.into_iter().enumerate() {
+            (old[5 * i], new[5 * i]) = (a, b);
+            near |= u64::from(is_near) << (5 * i);
+            all |= u64::from(is_any) << (5 * i);
+        }
+        for (old, new) in [(&old, &new), (&new, &old)] {
+            assert_eq!(moved_in_layer(old, new, &tolerance), near);
+            assert_eq!(moved_in_layer(old, new, &every), all);
+        }
+    }
+}
