@@ -46,6 +46,12 @@ impl BlockKey {
         let bits = |v: i32| u64::from((v as u32) & 0x1f_ffff);
         bits(self.x) | bits(self.y) << 21 | bits(self.z) << 42
     }
+
+    /// A number in the order of the keys, within the same bounds.
+    pub(crate) fn ordinal(self) -> u64 {
+        const HALF: i32 = 1 << 20;
+        self.offset(HALF, HALF, HALF).packed()
+    }
 }
 
 /// Number of a voxel in its block.
@@ -67,6 +73,24 @@ pub(crate) fn contains(set: &VoxelSet, local: usize) -> bool {
 #[inline]
 pub(crate) fn insert(set: &mut VoxelSet, local: usize) {
     set[local >> 6] |= 1 << (local & 63);
+}
+
+/// One horizontal layer of what is kept for each voxel of a block.
+#[inline]
+pub(crate) fn layer_of<T>(values: &[T; BLOCK_VOXELS], z: usize) -> &[T; 64] {
+    values[64 * z..][..64].try_into().expect("a layer has 64 voxels")
+}
+
+/// The set of a layer's voxels for which something holds.
+#[inline]
+pub(crate) fn set_of(layer: &[bool; 64]) -> u64 {
+    let mut set = 0;
+    for (y, row) in layer.chunks_exact(8).enumerate() {
+        // Byte i of a word goes to bit 56 + i by the term 2^(56 - 7 i) of the factor; no two terms meet, so nothing is carried.
+        let bytes = u64::from_le_bytes(std::array::from_fn(|x| u8::from(row[x])));
+        set |= bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56 << (8 * y);
+    }
+    set
 }
 
 #[derive(Debug, Clone)]
@@ -257,7 +281,16 @@ mod tests {
         assert_eq!(BlockKey::of_voxel([-1, 0, 7]), BlockKey { x: -1, y: 0, z: 0 });
         assert_eq!(local_of([-1, 0, 7]), 7 + 64 * 7);
         assert_ne!(BlockKey { x: -1, y: 0, z: 0 }.packed(), BlockKey { x: 1, y: 0, z: 0 }.packed());
+        let (low, high) = (BlockKey { x: 1, y: 0, z: -1 }, BlockKey { x: -1, y: 0, z: 0 });
+        assert!(low < high && low.ordinal() < high.ordinal());
         assert_eq!(BlockKey { x: -1, y: 2, z: 3 }.first_voxel(), [-8, 16, 24]);
+    }
+
+    #[test]
+    fn a_layer_of_answers_as_a_set() {
+        for set in [0, u64::MAX, 1, 1 << 63, 0x8040_2010_0804_0201, 0x0123_4567_89ab_cdef] {
+            assert_eq!(set_of(&std::array::from_fn(|i| set >> i & 1 == 1)), set);
+        }
     }
 
     #[test]

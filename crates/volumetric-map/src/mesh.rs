@@ -10,9 +10,18 @@ use std::collections::hash_map::Entry;
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, VoxelSet, local_of};
+use crate::block::{Block, BlockKey, VoxelSet, local_of};
 use crate::stride::voxel_of;
 use crate::volume::Volume;
+use crate::votes::Votes;
+
+mod cell;
+mod patch;
+mod shape;
+
+use cell::cell_tag;
+use patch::{Layer, Patch};
+use shape::{Shape, Tolerance};
 
 /// Triangles with a label per vertex. Faces are counter-clockwise seen from free space.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -64,29 +73,29 @@ impl Volume {
     /// [`complete_mesh`](Self::complete_mesh) leaves nothing out.
     pub fn update_mesh(&mut self) -> MeshDelta {
         let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
-        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as u16, near: (1.1 * units_per_voxel) as u16 };
+        let tolerance = Tolerance { moved: (0.2 * units_per_voxel) as i16, near: (1.1 * units_per_voxel) as i16 };
         self.mesh_again(&tolerance, self.mesh_cache.seen)
     }
 
     /// The same for every change, however small, also of those before the last call: the mesh that
     /// [`rebuild_mesh`](Self::rebuild_mesh) makes. It compares the whole map with what was meshed; for a mesh that is kept.
     pub fn complete_mesh(&mut self) -> MeshDelta {
-        self.mesh_again(&Tolerance { moved: 0, near: u16::MAX }, 0)
+        self.mesh_again(&Tolerance { moved: 0, near: i16::MAX }, 0)
     }
 
     fn mesh_again(&mut self, tolerance: &Tolerance, since: u32) -> MeshDelta {
         let mut stale = self.stale_blocks(tolerance, since);
         stale.append(&mut self.mesh_cache.waiting);
-        stale.sort_unstable();
-        stale.dedup();
+        in_order(&mut stale);
         let mut delta = MeshDelta::default();
         let mut part = MeshPart::default();
+        let mut patch = Patch::new();
         for key in stale {
             if self.reaches_archive(key) {
                 self.mesh_cache.waiting.push(key);
                 continue;
             }
-            self.fill_part(key, &mut part);
+            self.fill_part(key, &mut patch, &mut part);
             if part.cells.is_empty() && part.quads.is_empty() {
                 if self.mesh_cache.remove(key) {
                     delta.removed.push(key);
@@ -220,35 +229,35 @@ impl Volume {
         stale
     }
 
-    fn fill_part(&self, key: BlockKey, part: &mut MeshPart) {
+    fn fill_part(&self, key: BlockKey, patch: &mut Patch, part: &mut MeshPart) {
         part.clear();
-        let corner_blocks: [Option<&Block>; 8] =
+        let blocks: [Option<&Block>; 8] =
             std::array::from_fn(|k| self.block(key.offset(k as i32 & 1, k as i32 >> 1 & 1, k as i32 >> 2)));
-        let Some(patch) = Patch::of(&corner_blocks) else {
+        if !patch.read(&blocks) {
             return;
-        };
+        }
+        part.take_crossings(&patch.layers);
         let voxel = self.config.voxel_m as f32;
         // The first voxel's centre, rounded once.
         let base = key.first_voxel().map(|v| ((f64::from(v) + 0.5) * self.config.voxel_m) as f32);
-        let has_votes = corner_blocks.iter().flatten().any(|block| block.votes.is_some());
-        for z in 0..8usize {
-            for y in 0..8usize {
-                let (cells, edges) = patch.crossings(y, z);
-                for axis in 0..3u8 {
-                    for x in ones(edges[usize::from(axis)]) {
-                        let flip = patch.outside[9 * z + y] >> x & 1 == 1;
-                        part.quads.push(Quad { voxel: [x as u8, y as u8, z as u8], axis, flip });
-                    }
-                }
-                for x in ones(cells) {
-                    let offset = patch.cell_vertex(x + 9 * y + 81 * z);
-                    let at = |axis: usize, local: usize| base[axis] + (local as f32 + offset[axis]) * voxel;
-                    part.cells.push((x + 8 * y + 64 * z) as u16);
-                    part.vertices.push(Point3::new(at(0, x), at(1, y), at(2, z)));
-                    part.tags.push(if has_votes { cell_tag(&corner_blocks, [x, y, z], offset) } else { (0, 0) });
-                }
+        let votes = blocks.map(|block| block.and_then(|block| block.votes.as_deref()));
+        let has_votes = votes.iter().any(Option::is_some);
+        let votes = votes.map(|votes| votes.unwrap_or(&NOBODY));
+        let mut offsets = [[0.0; 64]; 3];
+        for cells in part.cells.chunks(64) {
+            patch.vertices(cells, &mut offsets);
+            let [x, y, z] = &offsets;
+            let offsets = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]);
+            let placed = cells.iter().map(|cell| local_to_voxel(*cell)).zip(offsets);
+            part.vertices.extend(placed.clone().map(|(cell, offset)| {
+                let at = |axis: usize| base[axis] + (cell[axis] as f32 + offset[axis]) * voxel;
+                Point3::new(at(0), at(1), at(2))
+            }));
+            if has_votes {
+                part.tags.extend(placed.map(|(cell, offset)| cell_tag(&votes, cell, offset)));
             }
         }
+        part.tags.resize(part.cells.len(), (0, 0));
     }
 
     /// Vertex numbers of a quad in the whole mesh, counter-clockwise from free space.
@@ -281,127 +290,33 @@ impl Mesh {
     }
 }
 
-/// Label and instance of a cell's vertex: what leads in the voxel nearest to it, or where nobody voted on that one, what has the most
-/// votes among the eight voxels of the cell; ties to the smaller.
-fn cell_tag(blocks: &[Option<&Block>; 8], cell: [usize; 3], offset: [f32; 3]) -> (u16, u16) {
-    let vote_of = |corner: [usize; 3]| {
-        let at = [cell[0] + corner[0], cell[1] + corner[1], cell[2] + corner[2]];
-        let votes = blocks[at[0] >> 3 | at[1] >> 3 << 1 | at[2] >> 3 << 2]?.votes.as_ref()?;
-        let local = (at[0] & 7) | (at[1] & 7) << 3 | (at[2] & 7) << 6;
-        votes.leader(local).map(|tag| (tag, u32::from(votes.count[local])))
-    };
-    if let Some((tag, _)) = vote_of(offset.map(|part| usize::from(part > 0.5))) {
-        return tag;
-    }
-    let votes: [_; 8] = std::array::from_fn(|k| vote_of([k & 1, k >> 1 & 1, k >> 2]));
-    let tally = |tag| votes.iter().flatten().filter(|vote| vote.0 == tag).map(|vote| vote.1).sum::<u32>();
-    let best = votes.iter().flatten().map(|vote| vote.0).max_by_key(|tag| (tally(*tag), std::cmp::Reverse(*tag)));
-    best.unwrap_or((0, 0))
-}
-
 fn split<T: Copy>(corners: [T; 4]) -> [[T; 3]; 2] {
     [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
 }
 
-/// Positions of the ones of a row.
-fn ones(mut row: u16) -> impl Iterator<Item = usize> {
+/// Column, row and layer of a block's cell.
+fn local_to_voxel(cell: u16) -> [usize; 3] {
+    let cell = usize::from(cell);
+    [cell & 7, cell >> 3 & 7, cell >> 6]
+}
+
+/// Sorts and takes out what is there twice.
+fn in_order(keys: &mut Vec<BlockKey>) {
+    // By one number each: a third of the comparisons.
+    keys.sort_unstable_by_key(|key| key.ordinal());
+    keys.dedup();
+}
+
+/// Of blocks that nobody voted on.
+static NOBODY: Votes = Votes::NONE;
+
+/// Numbers of the ones of a set.
+fn ones(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
-        let next = (row != 0).then(|| row.trailing_zeros() as usize);
-        row &= row.wrapping_sub(1);
+        let next = (set != 0).then(|| set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
         next
     })
-}
-
-struct Patch {
-    distance: [i16; 729],
-    /// Rows along x, number `9 z + y`: bit x is set where the voxel is known and inside, or known and outside.
-    inside: [u16; 81],
-    outside: [u16; 81],
-}
-
-impl Patch {
-    /// The 9^3 voxels that a block's cells touch, from it and its seven positive neighbours; `None` if there is no such block, or
-    /// none of the voxels lies inside something.
-    fn of(blocks: &[Option<&Block>; 8]) -> Option<Self> {
-        blocks[0]?;
-        if blocks.iter().flatten().all(|block| block.near_surface == [0; 8]) {
-            return None;
-        }
-        let mut patch = Self { distance: [0; 729], inside: [0; 81], outside: [0; 81] };
-        for (corner, block) in blocks.iter().enumerate() {
-            let Some(block) = block else { continue };
-            let (shift_x, shift_y, shift_z) = (corner & 1, corner >> 1 & 1, corner >> 2);
-            let range = |shift: usize| if shift == 1 { 8..9usize } else { 0..8usize };
-            let width = if shift_x == 1 { 1 } else { 8 };
-            for z in range(shift_z) {
-                for y in range(shift_y) {
-                    let first = (y & 7) << 3 | (z & 7) << 6;
-                    let known = (block.known[z & 7] >> (8 * (y & 7)) & if width == 8 { 0xff } else { 1 }) as u16;
-                    let to = 8 * shift_x + 9 * y + 81 * z;
-                    patch.distance[to..to + width].copy_from_slice(&block.distance[first..first + width]);
-                    // Only voxels near a surface can lie inside.
-                    let near = (block.near_surface[z & 7] >> (8 * (y & 7))) as u16 & known;
-                    let inside = ones(near).fold(0, |bits, x| bits | u16::from(block.distance[first + x] < 0) << x);
-                    patch.inside[9 * z + y] |= (known & inside) << (8 * shift_x);
-                    patch.outside[9 * z + y] |= (known & !inside) << (8 * shift_x);
-                }
-            }
-        }
-        patch.inside.iter().any(|row| *row != 0).then_some(patch)
-    }
-
-    /// In the row (y, z) of cells: which have all corners known and lie on both sides; and which voxels begin a crossing edge along x,
-    /// y and z.
-    fn crossings(&self, y: usize, z: usize) -> (u16, [u16; 3]) {
-        let row = 9 * z + y;
-        let four = [row, row + 1, row + 9, row + 10];
-        let (mut inside, mut outside, mut known) = (0, 0, u16::MAX);
-        for r in four {
-            inside |= self.inside[r] | self.inside[r] >> 1;
-            outside |= self.outside[r] | self.outside[r] >> 1;
-            let both = self.inside[r] | self.outside[r];
-            known &= both & both >> 1;
-        }
-        let (i, o) = (self.inside[row], self.outside[row]);
-        let crossing = |i2: u16, o2: u16| (i & o2 | o & i2) & 0xff;
-        (
-            inside & outside & known & 0xff,
-            [
-                crossing(i >> 1, o >> 1),
-                crossing(self.inside[row + 1], self.outside[row + 1]),
-                crossing(self.inside[row + 9], self.outside[row + 9]),
-            ],
-        )
-    }
-
-    /// Mean of the crossings on the edges of a cell that has some, in voxels from the cell's first voxel centre.
-    fn cell_vertex(&self, base: usize) -> [f32; 3] {
-        let d: [f32; 8] =
-            std::array::from_fn(|k| f32::from(self.distance[base + (k & 1) + 9 * (k >> 1 & 1) + 81 * (k >> 2)]));
-        // The four edges of an axis together, without branches: selections of four lanes each.
-        let along = |first: [usize; 4], step: usize| {
-            let mut crossing = [0f32; 4];
-            let mut at = [0f32; 4];
-            for (lane, a) in first.into_iter().enumerate() {
-                let (a, b) = (d[a], d[a + step]);
-                let is_crossing = (a < 0.0) != (b < 0.0);
-                crossing[lane] = if is_crossing { 1.0 } else { 0.0 };
-                at[lane] = if is_crossing { a / (a - b) } else { 0.0 };
-            }
-            (crossing, at)
-        };
-        // Corner k lies at (k & 1, k >> 1 & 1, k >> 2): of the edges along an axis the lanes run over the other two.
-        let (cx, x) = along([0, 2, 4, 6], 1);
-        let (cy, y) = along([0, 1, 4, 5], 2);
-        let (cz, z) = along([0, 1, 2, 3], 4);
-        let sum = |v: [f32; 4]| (v[0] + v[1]) + (v[2] + v[3]);
-        let scale = 1.0 / (sum(cx) + sum(cy) + sum(cz));
-        [
-            (sum(x) + (cy[1] + cy[3]) + (cz[1] + cz[3])) * scale,
-            (sum(y) + (cx[1] + cx[3]) + (cz[2] + cz[3])) * scale,
-            (sum(z) + (cx[2] + cx[3]) + (cy[2] + cy[3])) * scale,
-        ]
-    }
 }
 
 #[derive(Debug, Clone)]
@@ -441,96 +356,38 @@ struct MeshPart {
 }
 
 impl MeshPart {
+    /// Lists cells and quads, and makes room for the vertices.
+    fn take_crossings(&mut self, layers: &[Layer; 8]) {
+        let count = |set: u64| set.count_ones() as usize;
+        let cells = layers.iter().map(|layer| count(layer.cells)).sum();
+        self.cells.reserve(cells);
+        self.vertices.reserve(cells);
+        self.tags.reserve(cells);
+        self.quads.reserve(layers.iter().flat_map(|layer| layer.edges).map(count).sum());
+        for (z, layer) in layers.iter().enumerate() {
+            self.cells.extend(ones(layer.cells).map(|cell| (cell + 64 * z) as u16));
+            // Row by row, in a row axis by axis.
+            let mut rows = layer.edges[0] | layer.edges[1] | layer.edges[2];
+            while rows != 0 {
+                let shift = rows.trailing_zeros() & !7;
+                rows &= !(0xff << shift);
+                let [x, y, z_edges] = layer.edges.map(|edges| edges >> shift & 0xff);
+                let outside = layer.outside >> shift;
+                self.quads.extend(ones(x | y << 8 | z_edges << 16).map(|edge| Quad {
+                    voxel: [edge as u8 & 7, shift as u8 >> 3, z as u8],
+                    axis: edge as u8 >> 3,
+                    flip: outside >> (edge & 7) & 1 == 1,
+                }));
+            }
+        }
+    }
+
     fn clear(&mut self) {
         self.cells.clear();
         self.vertices.clear();
         self.tags.clear();
         self.quads.clear();
     }
-}
-
-/// What a block looked like when it was last meshed.
-#[derive(Debug, Clone)]
-struct Shape {
-    known: VoxelSet,
-    /// Where the distance may be small.
-    near_surface: VoxelSet,
-    distance: [i16; BLOCK_VOXELS],
-    label: Option<Box<[u16; BLOCK_VOXELS]>>,
-    instance: Option<Box<[u16; BLOCK_VOXELS]>>,
-}
-
-impl Shape {
-    /// Of a block that was never meshed: every known voxel is new.
-    const NONE: Self =
-        Self { known: [0; 8], near_surface: [0; 8], distance: [0; BLOCK_VOXELS], label: None, instance: None };
-
-    /// Takes over what the block looks like now, except for the distances of some voxels.
-    fn take(&mut self, block: &Block, kept: &VoxelSet) {
-        for (z, kept) in kept.iter().enumerate() {
-            let layer = 64 * z..64 * z + 64;
-            let mut old = [0; 64];
-            old.copy_from_slice(&self.distance[layer.clone()]);
-            self.distance[layer].copy_from_slice(&block.distance[64 * z..][..64]);
-            let mut rest = *kept;
-            while rest != 0 {
-                let local = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                self.distance[64 * z + local] = old[local];
-            }
-            self.near_surface[z] = block.near_surface[z] | self.near_surface[z] & *kept;
-        }
-        self.known = block.known;
-        if let Some(votes) = &block.votes {
-            match &mut self.label {
-                Some(label) => label.copy_from_slice(&votes.label),
-                None => self.label = Some(Box::new(votes.label)),
-            }
-            self.instance.clone_from(&votes.instance);
-        }
-    }
-
-    /// Voxels that are not what they were: known or not, label, or, near the surface, distance.
-    fn moved(&self, block: &Block, tolerance: &Tolerance) -> VoxelSet {
-        let mut moved: VoxelSet = std::array::from_fn(|z| self.known[z] ^ block.known[z]);
-        for (z, moved) in moved.iter_mut().enumerate() {
-            if tolerance.moved > 0 && self.near_surface[z] | block.near_surface[z] == 0 {
-                continue;
-            }
-            let (old, new) = (&self.distance[64 * z..][..64], &block.distance[64 * z..][..64]);
-            // Only near the surface: a voxel far from it that changes moves no vertex.
-            let is_moved = |(a, b): (&i16, &i16)| {
-                (a.abs_diff(*b) > tolerance.moved) & (a.unsigned_abs().min(b.unsigned_abs()) < tolerance.near)
-            };
-            if old.iter().zip(new).fold(false, |any, pair| any | is_moved(pair)) {
-                for (bit, pair) in old.iter().zip(new).enumerate() {
-                    *moved |= u64::from(is_moved(pair)) << bit;
-                }
-            }
-        }
-        let none = [0; BLOCK_VOXELS];
-        let votes = block.votes.as_ref();
-        for (old, new) in [
-            (self.label.as_deref(), votes.map(|votes| &votes.label)),
-            (self.instance.as_deref(), votes.and_then(|votes| votes.instance.as_deref())),
-        ] {
-            let (old, new) = (old.unwrap_or(&none), new.unwrap_or(&none));
-            if old != new {
-                for (local, (old, new)) in old.iter().zip(new).enumerate() {
-                    moved[local >> 6] |= u64::from(old != new) << (local & 63);
-                }
-            }
-        }
-        moved
-    }
-}
-
-/// In stored units.
-struct Tolerance {
-    /// A voxel has moved if its distance changed by more than this.
-    moved: u16,
-    /// And was or is nearer to the surface than this.
-    near: u16,
 }
 
 /// In a layer: all voxels, x = 0, y = 0, x = y = 0.

@@ -19,8 +19,11 @@ pub(crate) struct Votes {
 
 impl Votes {
     /// No votes yet.
+    pub const NONE: Self = Self { label: [0; BLOCK_VOXELS], count: [0; BLOCK_VOXELS], instance: None };
+
+    /// No votes yet.
     pub fn none() -> Box<Self> {
-        Box::new(Self { label: [0; BLOCK_VOXELS], count: [0; BLOCK_VOXELS], instance: None })
+        Box::new(Self::NONE)
     }
 
     /// Label and instance that lead in a voxel; `None` where nobody leads.
