@@ -5,6 +5,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use crate::Equirectangular;
+use crate::vector_loops::widest;
 
 /// The camera's numbers, prepared.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +32,14 @@ impl FastProjection {
     ///
     /// Coordinate by coordinate, so that each loop is one over plain arrays and becomes a vector loop.
     pub(crate) fn project_block(&self, points: &[Point3<f32>], view: &View, pixels: &mut PixelBlock) {
+        widest(
+            #[inline(always)]
+            || self.project_each(points, view, pixels),
+        );
+    }
+
+    #[inline(always)]
+    fn project_each(&self, points: &[Point3<f32>], view: &View, pixels: &mut PixelBlock) {
         let (mut x, mut y, mut z) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
         for (index, point) in points.iter().enumerate().take(BLOCK) {
             (x[index], y[index], z[index]) = (point.x, point.y, point.z);

@@ -101,7 +101,8 @@ pub mod so3;
 pub mod stamp;
 pub mod stitch;
 pub mod trajectory;
-pub mod visibility;
+pub mod vector_loops;
+mod visibility;
 pub mod vote;
 
 pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};

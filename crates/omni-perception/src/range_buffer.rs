@@ -8,6 +8,7 @@ use nalgebra::Point3;
 
 use crate::fast_projection::{BLOCK, FastProjection, PixelBlock, View};
 use crate::mask_index::{MAX_MASKS, MaskIndex};
+use crate::vector_loops::widest;
 use crate::{Equirectangular, LabelConfig};
 
 /// Nearest points by cell, with wrap at the seam. [`RangeBuffer::fill`] keeps only cells near a mask: nothing else is asked for.
@@ -156,10 +157,15 @@ impl CellGrid {
     /// The same for a block of pixels, as indices.
     pub(crate) fn cells_of(&self, pixels: &PixelBlock, cells: &mut [u32; BLOCK]) {
         let columns = self.columns as u32; // at most 32768 squared: a u32 holds all cells
-        for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
-            let (column, row) = self.cell_of(*u, *v);
-            *cell = row * columns + column;
-        }
+        widest(
+            #[inline(always)]
+            || {
+                for ((cell, u), v) in cells.iter_mut().zip(&pixels.u).zip(&pixels.v) {
+                    let (column, row) = self.cell_of(*u, *v);
+                    *cell = row * columns + column;
+                }
+            },
+        );
     }
 }
 

@@ -4,6 +4,7 @@ use nalgebra::Point3;
 
 use crate::fast_projection::{BLOCK, FastProjection, PixelBlock, View};
 use crate::range_buffer::{CellGrid, RangeBuffer, Tolerance, with_neighbours};
+use crate::vector_loops::widest;
 use crate::{Equirectangular, LabelConfig, LabelError};
 
 /// For each point, in the camera frame, whether it is in the panorama and nothing nearer stands before it.
@@ -95,21 +96,31 @@ impl Visibility {
                 }
             }
         }
-        least_of_neighbours(range_m, grid.columns, &mut self.along_m, &mut self.around_m);
+        widest(
+            #[inline(always)]
+            || least_of_neighbours(range_m, grid.columns, &mut self.along_m, &mut self.around_m),
+        );
     }
 
     /// For each of the points whether it is in the image and nothing nearer stands before it.
     fn ask(&self, visible: &mut [bool]) {
-        let (mut cells, mut around_m) = ([0; BLOCK], [0.0; BLOCK]);
+        let (mut cells, mut around_m, mut doubtful) = ([0; BLOCK], [0.0; BLOCK], [0; BLOCK]);
         for (visible, pixels) in visible.chunks_mut(BLOCK).zip(&self.blocks) {
             self.buffer.grid.cells_of(pixels, &mut cells);
             gather(&self.around_m, &cells, &mut around_m);
+            let mut count = 0;
             for (index, visible) in visible.iter_mut().enumerate() {
                 let range_m = pixels.range_m[index];
                 // Most points have nothing nearer around them: one look, and no need to ask the neighbours one by one.
                 let is_open = range_m - around_m[index] - self.tolerance.step_at(range_m) <= 0.0;
+                *visible = range_m > 0.0 && is_open;
+                // Without a branch that nobody can predict.
+                doubtful[count] = index;
+                count += usize::from(range_m > 0.0 && !is_open);
+            }
+            for &index in &doubtful[..count] {
                 let at = (pixels.u[index], pixels.v[index]);
-                *visible = range_m > 0.0 && (is_open || self.buffer.is_visible(at, range_m, &self.tolerance));
+                visible[index] = self.buffer.is_visible(at, pixels.range_m[index], &self.tolerance);
             }
         }
     }
@@ -124,6 +135,7 @@ fn gather(from: &[f32], cells: &[u32; BLOCK], into: &mut [f32; BLOCK]) {
 }
 
 /// The least of each cell and its eight neighbours; columns wrap.
+#[inline(always)]
 fn least_of_neighbours(range_m: &[f32], columns: usize, along: &mut [f32], around: &mut [f32]) {
     let least = |a: f32, b: f32| if b < a { b } else { a };
     // Along the rows first, then across them.

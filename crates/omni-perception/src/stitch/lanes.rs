@@ -3,6 +3,7 @@
 //! `Tap::color` is the same for one pixel, and a test holds the two equal.
 
 use super::gains::FixedGain;
+use crate::vector_loops::widest;
 
 /// Pixels mixed at once.
 const BATCH: usize = 64;
@@ -70,6 +71,14 @@ impl Lanes {
 
     #[inline(never)]
     fn mix(&self, ways: &[[u8; 3]; BATCH], factors: &[u16; LANES], colors: &mut [u8; LANES]) {
+        widest(
+            #[inline(always)]
+            || self.mix_each(ways, factors, colors),
+        );
+    }
+
+    #[inline(always)]
+    fn mix_each(&self, ways: &[[u8; 3]; BATCH], factors: &[u16; LANES], colors: &mut [u8; LANES]) {
         let ways = ways.as_flattened();
         for lane in 0..LANES {
             let (right, below) = (u16::from(ways[lane] & 15), u16::from(ways[lane] >> 4));
