@@ -195,7 +195,8 @@ impl Fly {
         if !is_free || self.wants_stop {
             self.brake(!is_free, air);
         }
-        if !matches!(self.goal, Goal::Reach { .. }) || self.status != GoalStatus::Underway {
+        let Goal::Reach { target, tolerance_m, .. } = self.goal else { return };
+        if self.status != GoalStatus::Underway {
             return;
         }
         let Some((route, end)) = route.and_then(|route| Some((route, *route.last()?))) else {
@@ -217,9 +218,18 @@ impl Fly {
         self.is_half_way = false;
         match plan_air(&start, &goal, air.distance, air.obstacles, &self.config) {
             Ok(plan) => {
-                self.attempts = 0;
-                self.has_planned = true;
-                self.follow(plan);
+                let duration_s = plan.trajectory.duration();
+                let is_there = (plan.trajectory.sample(duration_s).p.xy() - target).norm() <= tolerance_m;
+                if is_there {
+                    self.attempts = 0;
+                } else if self.flying.is_none() {
+                    // The planner ends at a free point near a goal that is not free. From there it would end there again, for ever.
+                    self.fail_once(sentence(&AirPlanError::GoalBlocked));
+                }
+                if self.status == GoalStatus::Underway {
+                    self.has_planned = true;
+                    self.follow(plan);
+                }
             }
             // Too fast for any way from here: come to rest, and plan from there.
             Err(AirPlanError::NotCertified | AirPlanError::StartTooFast { .. }) if start.v.norm() > RESTING_MPS => {
@@ -434,6 +444,36 @@ mod tests {
         let distance = |p: &Point3<f64>| Some(wall_m - p.x);
         fly.brake(false, &AirSpace { distance: &distance, obstacles: &|_, _| Vec::new() });
         fly.flying.is_some_and(|(plan, _)| plan.duration() < duration_s)
+    }
+
+    #[test]
+    fn a_goal_with_no_room_fails_after_some_attempts_and_is_not_flown_to_for_ever() {
+        // A wall at x = 2 m; the goal is in front of it, where the ball has no room.
+        let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), 1.2, 0.2, 0.02, 3);
+        fly.phase = Phase::Flying;
+        fly.hover = Point3::new(0.0, 0.0, 1.2);
+        let target = Point2::new(1.85, 0.0);
+        fly.set_goal(Goal::Reach { target, tolerance_m: 0.1, heading_rad: None });
+        let distance = |p: &Point3<f64>| Some((2.0 - p.x).max(0.0));
+        let wall = |low: &Point3<f64>, high: &Point3<f64>| {
+            let steps = |k: usize| (0..=((high[k] - low[k]) / 0.1) as usize).map(move |i| low[k] + 0.1 * i as f64);
+            steps(1).flat_map(|y| steps(2).map(move |z| Point3::new(2.0, y, z))).collect()
+        };
+        let (mut pose, mut refreshes) = (Isometry3::translation(0.0, 0.0, 1.2), 0);
+        while *fly.status() == GoalStatus::Underway {
+            refreshes += 1;
+            assert!(refreshes < 60, "half a minute at {}", pose.translation.vector);
+            fly.replan(
+                Some(&[pose.translation.vector.xy().into(), target]),
+                &AirSpace { distance: &distance, obstacles: &wall },
+            );
+            for _ in 0..25 {
+                let Command::Flight(point) = fly.command(&pose, None) else { panic!("it flies") };
+                pose.translation.vector = point.position_in_world.coords;
+            }
+        }
+        assert_eq!(*fly.status(), GoalStatus::Failed("there is no room for it at the goal"));
+        assert!(pose.translation.vector.x > 1.2, "as near as there is room");
     }
 
     #[test]

@@ -48,6 +48,7 @@ pub mod segmenter_folder;
 pub mod segmenter_http;
 pub mod snapshot;
 pub mod stage_clock;
+mod standstill;
 pub mod stream;
 pub mod tum;
 pub mod world_model;

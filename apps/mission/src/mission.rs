@@ -13,6 +13,7 @@ use crate::journal::Journal;
 use crate::localisation::Lost;
 use crate::odometer::{Odometer, OdometrySource};
 use crate::reasoning::{Mind, Pending};
+use crate::standstill::Standstill;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
 
@@ -68,6 +69,7 @@ pub struct Mission {
     pub(crate) next_refresh_s: f64,
     pub(crate) next_sample_s: f64,
     pub(crate) next_decision_s: f64,
+    pub(crate) standstill: Standstill,
     pub(crate) t_moved_s: Option<Stamp>,
     pub(crate) is_interrupted: bool,
     pub(crate) interest: Vec<u64>,
@@ -127,6 +129,7 @@ impl Mission {
             next_refresh_s: 0.0,
             next_sample_s: 0.0,
             next_decision_s: 0.0,
+            standstill: Standstill::default(),
             t_moved_s: None,
             is_interrupted: false,
             interest: Vec::new(),

@@ -13,6 +13,7 @@ use crate::goal::{Goal, GoalStatus};
 use crate::journal::{DecisionEntry, TraceEntry};
 use crate::mission::{Mission, Outcome};
 use crate::snapshot::Answer;
+use crate::standstill::STUCK_S;
 
 /// A question that has been asked.
 pub struct Pending {
@@ -36,6 +37,7 @@ impl Mission {
         if self.pending.is_some() || t_s < self.next_decision_s {
             return false;
         }
+        let stood_s = self.has_stood_s(t_s);
         match *self.body.status() {
             GoalStatus::Arrived => {
                 // Before a thing, the robot looks at it for a moment: a few more images settle its label and its place.
@@ -56,6 +58,12 @@ impl Mission {
                 self.target = Target::None;
                 return true;
             }
+            GoalStatus::Underway if stood_s > STUCK_S => {
+                self.failed("it stands still on the way");
+                self.body.set_goal(Goal::Stay);
+                self.target = Target::None;
+                return true;
+            }
             GoalStatus::Underway => {}
         }
         // A frontier that is no frontier any more is not worth the rest of the way.
@@ -71,6 +79,15 @@ impl Mission {
             return true;
         }
         false
+    }
+
+    /// How long the body has been standing although it is under way.
+    fn has_stood_s(&mut self, t_s: f64) -> f64 {
+        let Some(odometry) = &self.world.odometry else { return 0.0 };
+        let pose = &odometry.world_from_body;
+        let yaw_rad = pose.rotation.euler_angles().2;
+        let is_underway = *self.body.status() == GoalStatus::Underway;
+        self.standstill.seconds(t_s, pose.translation.vector.xy().into(), yaw_rad, is_underway)
     }
 
     /// What is known of the kinds of things that the instruction names, as numbers that change when it matters.

@@ -3,10 +3,11 @@
 //! `Tap::color` is the same for one pixel, and a test holds the two equal.
 
 use super::gains::FixedGain;
+use super::table::eight_bytes;
 use crate::vector_loops::widest;
 
 /// Pixels mixed at once.
-const BATCH: usize = 64;
+pub(super) const BATCH: usize = 64;
 /// Their bytes.
 pub(super) const LANES: usize = 3 * BATCH;
 /// Four bytes are copied where three are needed; the fourth is overwritten by the next pixel's first.
@@ -61,11 +62,12 @@ impl Lanes {
         let row_bytes = row_bytes as usize;
         for (index, &offset) in (0..BATCH).zip(offsets) {
             let (at, to) = (offset as usize, 3 * index);
-            let window = &image[at..at + row_bytes + 7]; // one check for all four
-            self.top_left[to..to + 4].copy_from_slice(&window[..4]);
-            self.top_right[to..to + 4].copy_from_slice(&window[3..7]);
-            self.bottom_left[to..to + 4].copy_from_slice(&window[row_bytes..row_bytes + 4]);
-            self.bottom_right[to..to + 4].copy_from_slice(&window[row_bytes + 3..row_bytes + 7]);
+            let window = &image[at..at + row_bytes + 8]; // one check for all four
+            let (top, bottom) = (eight_bytes(window, 0), eight_bytes(window, row_bytes));
+            self.top_left[to..to + 4].copy_from_slice(&(top as u32).to_le_bytes());
+            self.top_right[to..to + 4].copy_from_slice(&((top >> 24) as u32).to_le_bytes());
+            self.bottom_left[to..to + 4].copy_from_slice(&(bottom as u32).to_le_bytes());
+            self.bottom_right[to..to + 4].copy_from_slice(&((bottom >> 24) as u32).to_le_bytes());
         }
     }
 

@@ -5,7 +5,7 @@
 //! few (a twentieth with two fisheyes) that others share are mixed with those, with weights in 1/256.
 
 use super::gains::{FixedGain, Gain, gains_of};
-use super::lanes::Lanes;
+use super::lanes::{BATCH, LANES, Lanes};
 use super::{Eye, Lens, StitchConfig, StitchError, check_count, check_images, check_lenses, looks_at, size};
 use crate::{Equirectangular, RgbImage};
 
@@ -178,13 +178,18 @@ impl Stitcher {
             lanes.fill(pixels, offsets, ways, &image.rgb, 3 * image.width, gain);
             done += length;
         }
+        let mut pairs = Pairs::default();
         for blend in &self.blends {
-            let pixel = &mut rgb[3 * blend.pixel as usize..][..3];
-            let Some((heaviest, others)) =
-                self.shares[blend.first as usize..][..usize::from(blend.count)].split_first()
-            else {
+            let shares = &self.shares[blend.first as usize..][..usize::from(blend.count)];
+            let Some((heaviest, others)) = shares.split_first() else { continue };
+            if let [other] = others {
+                if !pairs.has_room_for(other.lens) {
+                    pairs.mix_into(rgb, &mut lanes, images, &gains);
+                }
+                pairs.push(blend.pixel, heaviest.weight, other);
                 continue;
-            };
+            }
+            let pixel = &mut rgb[3 * blend.pixel as usize..][..3];
             let weighted = |weight: u16, value: u8| u32::from(weight) * u32::from(value);
             let mut sum = [pixel[0], pixel[1], pixel[2]].map(|value| 128 + weighted(heaviest.weight, value));
             for share in others {
@@ -196,6 +201,7 @@ impl Stitcher {
             }
             pixel.copy_from_slice(&sum.map(|sum| (sum >> 8) as u8));
         }
+        pairs.mix_into(rgb, &mut lanes, images, &gains);
         Ok(())
     }
 
@@ -210,6 +216,55 @@ impl Stitcher {
             }
         }
         sources
+    }
+}
+
+/// Pixels with a second lens, the same one for all: most that are shared at all. Mixed as many at a time as `lanes.rs` does.
+struct Pairs {
+    lens: u8,
+    count: usize,
+    /// Pixel of the panorama, and the weight of what is there.
+    pixels: [(u32, u16); BATCH],
+    /// Where the second lens shows it.
+    offsets: [u32; BATCH],
+    ways: [[u8; 3]; BATCH],
+    colors: [u8; LANES],
+}
+
+impl Default for Pairs {
+    fn default() -> Pairs {
+        let (ways, colors) = ([[0; 3]; BATCH], [0; LANES]);
+        Pairs { lens: 0, count: 0, pixels: [(0, 0); BATCH], offsets: [0; BATCH], ways, colors }
+    }
+}
+
+impl Pairs {
+    fn has_room_for(&self, lens: u8) -> bool {
+        self.count == 0 || (self.lens == lens && self.count < BATCH)
+    }
+
+    fn push(&mut self, pixel: u32, weight: u16, other: &Share) {
+        self.lens = other.lens;
+        self.pixels[self.count] = (pixel, weight);
+        self.offsets[self.count] = other.tap.offset;
+        self.ways[self.count] = [other.tap.way; 3];
+        self.count += 1;
+    }
+
+    /// Mixes the second lens into the pixels, and begins anew.
+    fn mix_into(&mut self, rgb: &mut [u8], lanes: &mut Lanes, images: &[RgbImage], gains: &[FixedGain]) {
+        let (image, gain) = (&images[usize::from(self.lens)], &gains[usize::from(self.lens)]);
+        let count = std::mem::take(&mut self.count);
+        let colors = &mut self.colors[..3 * count];
+        lanes.fill(colors, &self.offsets[..count], &self.ways[..count], &image.rgb, 3 * image.width, gain);
+        for (&(pixel, weight), color) in self.pixels[..count].iter().zip(colors.chunks_exact(3)) {
+            let pixel = &mut rgb[3 * pixel as usize..][..3];
+            for (value, other) in pixel.iter_mut().zip(color) {
+                // The two weights add up to 256.
+                let sum = u32::from(weight) * u32::from(*value) + u32::from(256 - weight) * u32::from(*other);
+                *value = ((sum + 128) >> 8) as u8;
+            }
+        }
     }
 }
 
