@@ -117,7 +117,7 @@ fn a_recording_alone_becomes_a_map_that_is_asked_and_fused_again_on_its_own_traj
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name).to_str().unwrap().to_owned();
     let bag = path("bag");
-    json(&["record", "--scene", "flat", "--seed", "2", "--max-time", "5", "--quiet", "--json", "--out", &bag]);
+    json(&["record", "--scene", "flat", "--seed", "2", "--max-time", "4", "--quiet", "--json", "--out", &bag]);
     // What a robot must not know is not there to be read.
     fs::remove_dir_all(Path::new(&bag).join("truth")).unwrap();
     fs::remove_dir_all(Path::new(&bag).join("tasks")).unwrap();
@@ -140,18 +140,13 @@ fn a_recording_alone_becomes_a_map_that_is_asked_and_fused_again_on_its_own_traj
     ];
     assert_eq!(keys(&summary), promised.into());
     let count = |key: &str| summary[key].as_u64().unwrap();
-    assert_eq!((count("scans"), summary["dropped"].as_object().unwrap().len()), (50, 0));
+    assert_eq!((count("scans"), summary["dropped"].as_object().unwrap().len()), (40, 0));
     assert!(count("rooms") >= 1 && count("objects") >= 3 && count("places") >= 5, "{summary}");
     assert_eq!(count("mesh_vertices") as usize, vertices(Path::new(&path("map/mesh.ply"))).len());
     for file in
         ["graph.json", "map.bin", "map.json", "map.svg", "scene_graph.txt", "scene_objects.json", "trajectory.tum"]
     {
         assert!(fs::metadata(Path::new(&path("map")).join(file)).unwrap().len() > 100, "{file}");
-    }
-    // The same bytes again, apart from the times; and without masks rooms but no things.
-    json(&["map", &bag, "--out", &path("again"), "--quiet", "--json"]);
-    for file in ["graph.json", "map.bin", "mesh.ply", "trajectory.tum"] {
-        assert!(fs::read(path(&format!("map/{file}"))).unwrap() == fs::read(path(&format!("again/{file}"))).unwrap());
     }
     let answer = json(&["ask", &path("map"), "go to the bedroom", "--json"]);
     assert!(!answer["rooms"].as_array().unwrap().is_empty());
@@ -169,6 +164,10 @@ fn a_recording_alone_becomes_a_map_that_is_asked_and_fused_again_on_its_own_traj
     assert!(bare["rooms"].as_u64().unwrap() >= 1);
     let masks = path("masks");
     let with_masks = json(&["map", &bag, "--masks", &masks, "--out", &path("masked"), "--quiet", "--json"]);
+    // The masks are the same, wherever they lie: the same bytes again, apart from the times.
+    for file in ["graph.json", "map.bin", "mesh.ply", "trajectory.tum"] {
+        assert!(fs::read(path(&format!("map/{file}"))).unwrap() == fs::read(path(&format!("masked/{file}"))).unwrap());
+    }
     assert_eq!(with_masks["objects"], summary["objects"]);
 
     // Fused on the trajectory of the odometry: in the frame of that trajectory, level, the floor of the room is one plane.
