@@ -253,13 +253,13 @@ type Scans = Box<dyn Iterator<Item = Result<PosedScan>>>;
 /// Where scans and poses come from.
 enum Source {
     Folder(ScanFolder),
-    Recording(PosedRecording),
+    Recording(Box<PosedRecording>),
 }
 
 impl Source {
     fn open(options: &FuseOptions) -> Result<Source> {
         match &options.trajectory {
-            Some(trajectory) => Ok(Source::Recording(PosedRecording::open(options, trajectory)?)),
+            Some(trajectory) => Ok(Source::Recording(Box::new(PosedRecording::open(options, trajectory)?))),
             None => Ok(Source::Folder(ScanFolder::open(&options.scans)?)),
         }
     }

@@ -253,7 +253,7 @@ impl Said {
             let (Some(width_px), Some(height_px), Some(phi_top_rad), Some(phi_bottom_rad)) = found else {
                 bail!("{}: panorama needs width_px, height_px, phi_top_rad, phi_bottom_rad", path.display());
             };
-            said.panorama = Equirectangular { width_px, height_px, phi_top_rad, phi_bottom_rad, ..said.panorama };
+            said.panorama = Equirectangular { width_px, height_px, phi_top_rad, phi_bottom_rad };
             said.panorama.validate().with_context(|| format!("{}: panorama", path.display()))?;
         }
         Ok(said)

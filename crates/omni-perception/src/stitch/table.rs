@@ -268,12 +268,13 @@ impl Pairs {
     }
 }
 
-/// Columns and rows of an image, tile by tile. A row of a panorama runs all across the fisheyes; a tile stays in a corner
-/// of them that fits into the nearest cache.
+/// Columns and rows of an image, tile by tile. A row of a panorama runs all across the fisheyes; a tile stays in a corner of them. It is
+/// low, because rows of an image whose width is a power of two share few places of the nearest cache.
 fn by_tiles(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
-    const TILE: u32 = 64;
-    let tiles = (0..height).step_by(TILE as usize).flat_map(move |y| {
-        (0..width).step_by(TILE as usize).map(move |x| (x..width.min(x + TILE), y..height.min(y + TILE)))
+    const WIDE: u32 = BATCH as u32;
+    const HIGH: u32 = 8;
+    let tiles = (0..height).step_by(HIGH as usize).flat_map(move |y| {
+        (0..width).step_by(WIDE as usize).map(move |x| (x..width.min(x + WIDE), y..height.min(y + HIGH)))
     });
     tiles.flat_map(|(columns, rows)| rows.flat_map(move |row| columns.clone().map(move |column| (column, row))))
 }
