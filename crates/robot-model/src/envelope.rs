@@ -92,7 +92,17 @@ pub fn envelope(shapes: &[CollisionShape]) -> Option<Envelope> {
 }
 
 /// Convex hull by Andrew's monotone chain: counter-clockwise from the lowest (x, y), without collinear points.
+///
+/// Corners are right to 2^-36 m: nearer points count as one, because the way from one to the other would be rounding, and the chain would
+/// take a turn of it for a corner.
 pub fn convex_hull(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
+    const GRAINS_PER_M: f64 = (1_u64 << 36) as f64;
+    let snapped = |x: f64| {
+        let on_grain = (x * GRAINS_PER_M).round() / GRAINS_PER_M;
+        // Minus zero would be sorted before zero.
+        if on_grain.is_finite() { on_grain + 0.0 } else { x }
+    };
+    points.iter_mut().for_each(|p| *p = p.map(snapped));
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     points.dedup();
     if points.len() < 3 {
