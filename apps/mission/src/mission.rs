@@ -214,7 +214,8 @@ impl Mission {
 
     /// Length of the way still to go to the present goal.
     pub fn distance_left_m(&self) -> f64 {
-        self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+        let steps = self.body.path().windows(2).map(|pair| (pair[1] - pair[0]).norm());
+        steps.fold(0.0, |sum, step| sum + step) // an empty sum of floats is -0
     }
 
     /// What to command before the first cycle: nothing that moves.
