@@ -138,12 +138,10 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
         format!("loading the robot {} (what URDF cannot carry is read from {})", urdf.display(), beside.display())
     })?;
     if robot.kind != kind {
+        let (own, wanted) = (word(robot.kind), word(kind));
         bail!(
-            "{} is {} robot; this program is for {} robots, use omnivln-{}",
+            "{} is of the kind \"{own}\"; this program is for {wanted} robots: use omnivln-{own}, or --robot {own} where there is that option",
             urdf.display(),
-            if robot.kind == RobotKind::Ground { "a ground" } else { "an aerial" },
-            word(kind),
-            word(robot.kind)
         );
     }
     Ok(robot)

@@ -12,7 +12,6 @@ use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
-use mission::odometer::OdometrySource;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
@@ -68,9 +67,7 @@ impl RunConfig {
 impl RunConfig {
     /// Takes the sensors of a rig on both sides. The robot model must be fitted with them ([`Rig::fitted`]).
     pub fn carry(&mut self, rig: Rig) {
-        if let OdometrySource::LidarInertial(lio) = &mut self.mission.odometry {
-            **lio = rig.odometry((**lio).clone());
-        }
+        self.mission.fit(&rig);
         self.simulation.rig = Some(rig);
     }
 }

@@ -3,7 +3,7 @@
 //! No mission: nothing is decided, so that two arms of an experiment see from the same places.
 
 use anyhow::{Context, Result};
-use mission::odometer::{Odometer, OdometrySource};
+use mission::odometer::with_poses;
 use mission::omni_perception::RawScan;
 use mission::robot_model::RobotModel;
 use mission::stage_clock::StageClock;
@@ -47,10 +47,7 @@ pub fn survey(
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
     let mut clock = StageClock::new(config.cpu_scope);
     let mut world = WorldModel::new(robot, &config.mission, simulation.camera(), 0.0).context("setting up the map")?;
-    let mut odometer = match &config.mission.odometry {
-        OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, &start_in_map)?),
-        OdometrySource::Stream => None,
-    };
+    let mut odometer = config.mission.odometry.odometer(robot, &start_in_map)?;
     let pilot_config = PilotConfig { flight_height_m: config.mission.flight_height_m, ..PilotConfig::default() };
     let mut pilot = Pilot::new(pilot_config, robot, tour, start, floor_z_m);
     let mut next_refresh_s = 0.0;
@@ -61,13 +58,8 @@ pub fn survey(
             if let SensorEvent::Scan(scan) = &event {
                 observe(now_s, Moment::Scan(scan));
             }
-            match &mut odometer {
-                Some(odometer) => {
-                    for event in odometer.follow(event, &mut clock) {
-                        world.see(event, &mut clock);
-                    }
-                }
-                None => world.see(event, &mut clock),
+            for event in with_poses(&mut odometer, event, &mut clock) {
+                world.see(event, &mut clock);
             }
         }
         if now_s >= next_refresh_s {

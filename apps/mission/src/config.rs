@@ -8,6 +8,7 @@ use volumetric_map::VolumeConfig;
 use crate::coverage::CoverageConfig;
 use crate::error::MissionError;
 use crate::odometer::OdometrySource;
+use crate::rig::Rig;
 use crate::rooms::RoomConfig;
 use crate::segmenter::STANDING;
 
@@ -129,6 +130,13 @@ impl MissionConfig {
 }
 
 impl MissionConfig {
+    /// Takes over what a rig says of the LiDAR's mount. The robot model must be fitted with the rig too ([`Rig::fitted`]).
+    pub fn fit(&mut self, rig: &Rig) {
+        if let OdometrySource::LidarInertial(lio) = &mut self.odometry {
+            **lio = rig.odometry((**lio).clone());
+        }
+    }
+
     /// The track of the LiDAR's motor before its first reading; a fixed LiDAR has no encoder and stands at zero for ever.
     pub fn encoder_track(&self, robot: &RobotModel) -> EncoderTrack {
         match &self.odometry {

@@ -7,17 +7,14 @@ use crate::body::Body;
 use crate::goal::{Goal, GoalStatus};
 use crate::journal::CurveSample;
 use crate::mission::{Mission, Outcome};
+use crate::odometer::with_poses;
 use crate::stream::{Command, SensorEvent};
 
 impl Mission {
     /// What the sensors said since the last cycle, in time order (OmniVLN III-A).
     pub fn perceive(&mut self, events: impl IntoIterator<Item = SensorEvent>) {
         for event in events {
-            let known = match &mut self.odometer {
-                Some(odometer) => odometer.follow(event, &mut self.journal.clock),
-                None => vec![event],
-            };
-            for event in known {
+            for event in with_poses(&mut self.odometer, event, &mut self.journal.clock) {
                 if let Some(lost) = &mut self.lost {
                     lost.keep(&event, self.config.obstacle_memory_s + 0.4);
                 }

@@ -50,6 +50,8 @@ pub mod snapshot;
 pub mod stage_clock;
 mod standstill;
 pub mod stream;
+#[cfg(test)]
+mod test_events;
 pub mod tum;
 pub mod world_model;
 

@@ -11,7 +11,7 @@ use robot_model::RobotModel;
 
 use crate::config::MissionConfig;
 use crate::error::MissionError;
-use crate::odometer::{Odometer, OdometrySource};
+use crate::odometer::{Odometer, with_poses};
 use crate::recording::RecordingError;
 use crate::stage_clock::{CpuScope, StageClock};
 use crate::stream::SensorEvent;
@@ -33,7 +33,7 @@ pub struct MappingRun {
     pub clock: StageClock,
     /// Where the body was, in the map: about ten poses a second.
     pub way: Vec<(Stamp, Isometry3<f64>)>,
-    /// Scans that could be read.
+    /// Scans that came, whether they could be used or not.
     pub scans: usize,
     /// Pictures with masks.
     pub images: usize,
@@ -54,12 +54,8 @@ impl MappingRun {
         height_m: f64,
     ) -> Result<MappingRun, MissionError> {
         let start = Isometry3::translation(0.0, 0.0, height_m);
-        let odometer = match &config.odometry {
-            OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, &start)?),
-            OdometrySource::Stream => None,
-        };
         Ok(MappingRun {
-            odometer,
+            odometer: config.odometry.odometer(robot, &start)?,
             camera,
             refresh_ns: (config.refresh_period_s * 1e9) as i64,
             first: None,
@@ -77,7 +73,10 @@ impl MappingRun {
     pub fn push(&mut self, item: Result<SensorEvent, RecordingError>) {
         let event = match item {
             Ok(event) => event,
-            Err(error) => return *self.dropped.entry(error.loss()).or_default() += 1,
+            Err(error) => {
+                self.scans += usize::from(error.is_scan());
+                return *self.dropped.entry(error.loss()).or_default() += error.count();
+            }
         };
         match &event {
             SensorEvent::Scan(_) => self.scans += 1,
@@ -92,11 +91,7 @@ impl MappingRun {
         }
         let now = event.stamp();
         self.first.get_or_insert(now);
-        let passed = match &mut self.odometer {
-            Some(odometer) => odometer.follow(event, &mut self.clock),
-            None => vec![event],
-        };
-        for event in passed {
+        for event in with_poses(&mut self.odometer, event, &mut self.clock) {
             self.world.see(event, &mut self.clock);
         }
         if let Some(here) = &self.world.odometry

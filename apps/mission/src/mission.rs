@@ -11,7 +11,7 @@ use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
 use crate::localisation::Lost;
-use crate::odometer::{Odometer, OdometrySource};
+use crate::odometer::Odometer;
 use crate::reasoning::{Mind, Pending};
 use crate::standstill::Standstill;
 use crate::stream::Command;
@@ -107,10 +107,7 @@ impl Mission {
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
         }
-        let odometer = match &config.odometry {
-            OdometrySource::LidarInertial(lio) => Some(Odometer::new(lio, robot, world_from_body)?),
-            OdometrySource::Stream => None,
-        };
+        let odometer = config.odometry.odometer(robot, world_from_body)?;
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
         Ok(Mission {
             world: WorldModel::new(robot, &config, camera, floor_m)?,

@@ -24,6 +24,27 @@ pub enum OdometrySource {
     Stream,
 }
 
+impl OdometrySource {
+    /// The filter for a robot that stands at `start`, if the estimates are not in the stream already.
+    ///
+    /// # Errors
+    /// As [`Odometer::new`].
+    pub fn odometer(&self, robot: &RobotModel, start: &Isometry3<f64>) -> Result<Option<Odometer>, MissionError> {
+        match self {
+            OdometrySource::LidarInertial(lio) => Odometer::new(lio, robot, start).map(Some),
+            OdometrySource::Stream => Ok(None),
+        }
+    }
+}
+
+/// One event with the poses that belong to it: from the filter, or as it came.
+pub fn with_poses(odometer: &mut Option<Odometer>, event: SensorEvent, clock: &mut StageClock) -> Vec<SensorEvent> {
+    match odometer {
+        Some(odometer) => odometer.follow(event, clock),
+        None => vec![event],
+    }
+}
+
 /// What is held back before the filter is level; of more the oldest goes.
 const MAX_HELD_S: f64 = 5.0;
 
@@ -117,7 +138,7 @@ impl Odometer {
             SensorEvent::Odometry(_) => return Vec::new(),
             SensorEvent::Panorama(panorama) => passed.push(SensorEvent::Panorama(panorama)),
         }
-        while let Some(scan) = self.queue.next_for(&self.lio) {
+        while let Some(scan) = self.queue.next_if(|scan| self.lio.is_ready_for(scan)) {
             match clock.time("odometry", || self.lio.push_scan(&scan)) {
                 Ok(report) => self.refused.restarts += u64::from(report.has_restarted),
                 Err(_) => self.refused.scans += 1,
@@ -167,24 +188,13 @@ fn with_pose(event: SensorEvent, standing: &OdometryEstimate) -> Vec<SensorEvent
 mod tests {
     use super::*;
     use crate::stage_clock::CpuScope;
+    use crate::test_events::{encoder, imu};
     use nalgebra::Point3;
-    use omni_perception::{EncoderSample, ImuSample, MaskedPanorama, RawPoint, RawScan, Stamp};
+    use omni_perception::{MaskedPanorama, RawPoint, RawScan, Stamp};
 
     fn odometer() -> Odometer {
         let robot = RobotModel::builtin_quadruped();
         Odometer::new(&LioConfig::default(), &robot, &Isometry3::translation(0.0, 0.0, 0.3)).expect("sound")
-    }
-
-    fn imu(ms: i64) -> SensorEvent {
-        SensorEvent::Imu(ImuSample {
-            stamp: Stamp(ms * 1_000_000),
-            angular_velocity_radps: Vector3::zeros(),
-            specific_force_mps2: Vector3::new(0.0, 0.0, 9.81),
-        })
-    }
-
-    fn encoder(ms: i64) -> SensorEvent {
-        SensorEvent::Encoder(EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad: 0.0 })
     }
 
     fn panorama(ms: i64) -> SensorEvent {
@@ -227,7 +237,7 @@ mod tests {
                 passed.extend(odometer.follow(scan(ms - 100, !blind.contains(&(ms - 100))), &mut clock));
                 passed.extend(odometer.follow(panorama(ms), &mut clock));
             }
-            passed.extend(odometer.follow(encoder(ms), &mut clock));
+            passed.extend(odometer.follow(encoder(ms, 0.0), &mut clock));
             passed.extend(odometer.follow(imu(ms), &mut clock));
         }
         passed

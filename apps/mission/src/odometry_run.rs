@@ -8,7 +8,6 @@ use omni_perception::{
     TrackingStatus,
 };
 
-use crate::recording::rosbag::error::BagError;
 use crate::recording::{RecordedRig, RecordingError};
 use crate::scan_queue::ScanQueue;
 use crate::stream::SensorEvent;
@@ -79,17 +78,13 @@ impl OdometryRun {
             }
             Ok(SensorEvent::Odometry(_) | SensorEvent::Panorama(_)) => return,
             Err(error) => {
-                let (reason, count) = match &error {
-                    RecordingError::Bag(BagError::PointsWithoutTime { count, .. }) => (error.loss(), *count),
-                    _ => (error.loss(), 1),
-                };
                 // A scan that could not be read came all the same.
                 self.scans += usize::from(error.is_scan());
-                self.drop_some(reason, count);
+                self.drop_some(error.loss(), error.count());
             }
         }
         // At most one scan an event, so that its CPU time is its own.
-        if let Some(scan) = self.queue.next_for(&self.odometry) {
+        if let Some(scan) = self.queue.next_if(|scan| self.odometry.is_ready_for(scan)) {
             let outcome = self.odometry.push_scan(&scan);
             self.spent_ms += start.elapsed().as_secs_f64() * 1e3;
             let spent_ms = std::mem::take(&mut self.spent_ms);
@@ -162,23 +157,16 @@ impl OdometryRun {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::rosbag::error::Sensor;
-    use nalgebra::{Isometry3, Point3, Vector3};
-    use omni_perception::{EncoderSample, ImuSample, RawPoint, RawScan, RotatingMount, Stamp};
+    use crate::recording::rosbag::error::{BagError, Sensor};
+    use crate::test_events::{encoder, imu};
+    use nalgebra::{Isometry3, Point3};
+    use omni_perception::{RawPoint, RawScan, RotatingMount, Stamp};
 
     fn run() -> OdometryRun {
         let identity = Isometry3::identity();
         let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
         OdometryRun::new(&RecordedRig { mount, is_rotating: true, body_from_imu: identity }, LioConfig::default())
             .expect("sound")
-    }
-
-    fn imu(ms: i64) -> SensorEvent {
-        SensorEvent::Imu(ImuSample {
-            stamp: Stamp(ms * 1_000_000),
-            angular_velocity_radps: Vector3::zeros(),
-            specific_force_mps2: Vector3::new(0.0, 0.0, 9.81),
-        })
     }
 
     fn scan(ms: i64) -> SensorEvent {
@@ -202,14 +190,13 @@ mod tests {
         let mut push = |run: &mut OdometryRun, event| run.push(event, |_, pose| poses += usize::from(pose.is_some()));
         for ms in (0..1200).step_by(5) {
             push(&mut run, Ok(imu(ms)));
-            let sample = EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad: 0.0 };
-            push(&mut run, Ok(SensorEvent::Encoder(sample)));
+            push(&mut run, Ok(encoder(ms, 0.0)));
             if ms % 100 == 0 && ms < 1100 {
                 push(&mut run, Ok(scan(ms)));
             }
         }
         push(&mut run, Ok(imu(7)));
-        push(&mut run, Ok(SensorEvent::Encoder(EncoderSample { stamp: Stamp(0), angle_rad: 0.0 })));
+        push(&mut run, Ok(encoder(0, 0.0)));
         let topic = || "/t".to_owned();
         let (stamp, last) = (Stamp(1), Stamp(2));
         let lost = [

@@ -1,24 +1,25 @@
 //! The scans of a recording, straightened on a way that is already known.
 
-use std::collections::VecDeque;
-
 use nalgebra::Isometry3;
 use omni_perception::{
-    DeskewConfig, DeskewedScan, EncoderTrack, RawScan, ReferenceTime, RotatingMount, Stamp, Trajectory, deskew,
+    DeskewConfig, DeskewedScan, EncoderError, EncoderTrack, ReferenceTime, RotatingMount, Stamp, Trajectory,
+    TrajectoryError, deskew,
 };
 
 use crate::recording::{RecordedRig, RecordingError};
+use crate::scan_queue::ScanQueue;
 use crate::stream::SensorEvent;
 use crate::tum::trajectory;
 
-/// Straightens one scan after the other; each waits until the motor's angle has passed its end.
+/// Straightens one scan after the other; each waits until the motor's angle has passed its end, but not for ever: where the encoder is
+/// silent, its points are dropped, and the scan says how many.
 pub struct PosedScans<I> {
     events: I,
     mount: RotatingMount,
     encoder: EncoderTrack,
     is_rotating: bool,
     trajectory: Trajectory,
-    waiting: VecDeque<RawScan>,
+    queue: ScanQueue,
     is_over: bool,
 }
 
@@ -28,32 +29,37 @@ pub enum PosedScanError {
     /// The way has no pose around the scan, or one with a gap of more than a quarter of a second.
     #[error("the scan at {0}: the trajectory has no poses around it")]
     NoPose(Stamp),
+    /// An angle of the motor could not be used.
+    #[error(transparent)]
+    Encoder(#[from] EncoderError),
     /// An event could not be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
 
 impl<I: Iterator<Item = Result<SensorEvent, RecordingError>>> PosedScans<I> {
-    /// `imu_poses` are those of the IMU in the world, as trajectories have them, in the order of time.
-    pub fn new(events: I, rig: &RecordedRig, encoder_latency_s: f64, imu_poses: &[(Stamp, Isometry3<f64>)]) -> Self {
+    /// `imu_poses` are those of the IMU in the world, as trajectories have them, in the order of time. An angle stamped t was true at
+    /// `t - encoder_latency_s`.
+    ///
+    /// # Errors
+    /// [`TrajectoryError`] if the poses are not finite or not in order.
+    pub fn new(
+        events: I,
+        rig: &RecordedRig,
+        encoder_latency_s: f64,
+        imu_poses: &[(Stamp, Isometry3<f64>)],
+    ) -> Result<Self, TrajectoryError> {
         let imu_from_body = rig.body_from_imu.inverse();
         let body_poses: Vec<_> = imu_poses.iter().map(|(stamp, pose)| (*stamp, pose * imu_from_body)).collect();
-        PosedScans {
+        Ok(PosedScans {
             events,
             mount: rig.mount,
             encoder: if rig.is_rotating { EncoderTrack::rotating(encoder_latency_s) } else { EncoderTrack::fixed() },
             is_rotating: rig.is_rotating,
-            trajectory: trajectory(&body_poses),
-            waiting: VecDeque::new(),
+            trajectory: trajectory(&body_poses)?,
+            queue: ScanQueue::default(),
             is_over: false,
-        }
-    }
-
-    /// The oldest scan that waits, if nothing more will be said about its time.
-    fn due(&mut self) -> Option<RawScan> {
-        let first = self.waiting.front()?;
-        let has_passed = !self.is_rotating || self.encoder.last().is_some_and(|last| last >= first.end());
-        if self.is_over || has_passed { self.waiting.pop_front() } else { None }
+        })
     }
 }
 
@@ -62,7 +68,11 @@ impl<I: Iterator<Item = Result<SensorEvent, RecordingError>>> Iterator for Posed
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(scan) = self.due() {
+            // Due when nothing more will be said about its time.
+            let known_until = self.encoder.last();
+            let is_known = !self.is_rotating || self.is_over;
+            let due = self.queue.next_if(|scan| is_known || known_until.is_some_and(|last| last >= scan.end()));
+            if let Some(scan) = due {
                 let config = DeskewConfig::default();
                 let straight = deskew(&scan, &self.encoder, &self.mount, &self.trajectory, ReferenceTime::End, &config);
                 self.encoder.forget_before(scan.start.plus_ns(-1_000_000_000));
@@ -73,9 +83,12 @@ impl<I: Iterator<Item = Result<SensorEvent, RecordingError>>> Iterator for Posed
             }
             match self.events.next() {
                 None => self.is_over = true,
-                Some(Ok(SensorEvent::Scan(scan))) => self.waiting.push_back(scan),
-                // An angle that is out of order leaves a gap, and the scan there its points.
-                Some(Ok(SensorEvent::Encoder(sample))) => drop(self.encoder.push(sample)),
+                Some(Ok(SensorEvent::Scan(scan))) => self.queue.push(scan),
+                Some(Ok(SensorEvent::Encoder(sample))) => {
+                    if let Err(error) = self.encoder.push(sample) {
+                        return Some(Err(error.into()));
+                    }
+                }
                 Some(Ok(_)) => {}
                 Some(Err(error)) => return Some(Err(error.into())),
             }
@@ -86,8 +99,9 @@ impl<I: Iterator<Item = Result<SensorEvent, RecordingError>>> Iterator for Posed
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_events::encoder;
     use nalgebra::{Point3, UnitQuaternion, Vector3};
-    use omni_perception::{EncoderSample, RawPoint};
+    use omni_perception::{RawPoint, RawScan};
 
     /// A point straight ahead of the sensor, all through the scan.
     fn scan(ms: i64) -> SensorEvent {
@@ -97,7 +111,7 @@ mod tests {
     }
 
     fn angle(ms: i64) -> SensorEvent {
-        SensorEvent::Encoder(EncoderSample { stamp: Stamp(ms * 1_000_000), angle_rad: 1e-3 * ms as f64 })
+        encoder(ms, 1e-3 * ms as f64)
     }
 
     #[test]
@@ -118,7 +132,7 @@ mod tests {
         let identity = Isometry3::identity();
         let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
         let rig = RecordedRig { mount, is_rotating: true, body_from_imu };
-        let scans: Vec<_> = PosedScans::new(events.into_iter().map(Ok), &rig, 0.0, &poses).collect();
+        let scans: Vec<_> = PosedScans::new(events.into_iter().map(Ok), &rig, 0.0, &poses).expect("sound").collect();
         assert_eq!(scans.len(), 12);
         let mut lost = Vec::new();
         for (index, scan) in scans.into_iter().enumerate() {
@@ -135,5 +149,30 @@ mod tests {
             }
         }
         assert_eq!(lost, [0, 1, 10, 11]);
+    }
+
+    #[test]
+    fn a_silent_encoder_costs_points_and_not_memory_and_is_told() {
+        let still: Vec<_> = (0..=60).map(|k| (Stamp(k * 100_000_000), Isometry3::identity())).collect();
+        // The angle is told for one second, once with a step back; then never again.
+        let mut events: Vec<_> = (0..1000).step_by(10).map(angle).chain([angle(5)]).collect();
+        events.extend((1..50).map(|k| scan(100 * k)));
+        let identity = Isometry3::identity();
+        let mount = RotatingMount { body_from_stator: identity, rotor_from_sensor: identity };
+        let rig = RecordedRig { mount, is_rotating: true, body_from_imu: identity };
+        let mut scans = PosedScans::new(events.into_iter().map(Ok), &rig, 0.0, &still).expect("sound");
+        let (mut whole, mut without_points, mut encoder_faults) = (0, 0, 0);
+        while let Some(item) = scans.next() {
+            assert!(scans.queue.len() <= 11, "{} scans wait", scans.queue.len());
+            match item {
+                Ok(scan) if scan.dropped.outside_time == 0 => whole += 1,
+                Ok(scan) => without_points += usize::from(scan.points_in_body.is_empty()),
+                Err(PosedScanError::Encoder(_)) => encoder_faults += 1,
+                Err(error) => panic!("{error}"),
+            }
+        }
+        // Scans of 0.1 to 0.9 s, the last of which ends 8 ms after the last angle.
+        assert_eq!((whole, encoder_faults), (8, 1));
+        assert!(without_points >= 39, "{without_points}");
     }
 }

@@ -152,6 +152,14 @@ impl RecordingError {
         self.loss().starts_with("scans_")
     }
 
+    /// How many of what [`loss`](Self::loss) says were lost.
+    pub fn count(&self) -> usize {
+        match self {
+            RecordingError::Bag(BagError::PointsWithoutTime { count, .. }) => *count,
+            _ => 1,
+        }
+    }
+
     /// What an item that could not be used is counted as.
     pub fn loss(&self) -> &'static str {
         match self {

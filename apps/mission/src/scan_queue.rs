@@ -5,12 +5,12 @@
 
 use std::collections::VecDeque;
 
-use omni_perception::{LidarInertialOdometry, RawScan};
+use omni_perception::RawScan;
 
 /// Scans that may wait; of more the oldest is tried as it is, and refused with the reason.
 const MAX_WAITING: usize = 10;
 
-/// The queue before the odometry.
+/// The queue before whatever needs the motion during a scan.
 #[derive(Debug, Clone, Default)]
 pub struct ScanQueue {
     waiting: VecDeque<RawScan>,
@@ -22,10 +22,10 @@ impl ScanQueue {
         self.waiting.push_back(scan);
     }
 
-    /// The oldest scan, if it can be pushed into the odometry, or has waited too long.
-    pub fn next_for(&mut self, odometry: &LidarInertialOdometry) -> Option<RawScan> {
+    /// The oldest scan, if what happened during it `is_known`, or it has waited too long.
+    pub fn next_if(&mut self, is_known: impl Fn(&RawScan) -> bool) -> Option<RawScan> {
         let is_too_long = self.waiting.len() > MAX_WAITING;
-        self.waiting.pop_front_if(|scan| is_too_long || odometry.is_ready_for(scan))
+        self.waiting.pop_front_if(|scan| is_too_long || is_known(scan))
     }
 
     /// Scans that still wait.

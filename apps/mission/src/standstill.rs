@@ -36,6 +36,17 @@ impl Standstill {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::acting::Target;
+    use crate::config::MissionConfig;
+    use crate::goal::Goal;
+    use crate::mission::Mission;
+    use crate::odometer::OdometrySource;
+    use crate::reasoning::Mind;
+    use crate::stream::SensorEvent;
+    use nalgebra::Isometry3;
+    use octant_prompt::{Action, Octant, SymbolicReasoner};
+    use omni_perception::{Equirectangular, OdometryEstimate, Stamp};
+    use robot_model::RobotModel;
 
     #[test]
     fn who_moves_turns_or_has_arrived_does_not_stand() {
@@ -52,5 +63,30 @@ mod tests {
             0.0,
             "it has arrived"
         );
+    }
+
+    /// A quadruped that is told to turn and cannot: it believes for ever that it is about to.
+    #[test]
+    fn a_goal_is_given_up_when_the_body_stands_for_long() {
+        let robot = RobotModel::builtin_quadruped();
+        let start = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
+        let config = MissionConfig { odometry: OdometrySource::Stream, ..MissionConfig::default() };
+        let mind = Mind::Embedded(Box::new(SymbolicReasoner::default()));
+        let camera = Equirectangular::default();
+        let mut mission = Mission::new(&robot, "find the mug", config, camera, mind, Stamp(0), &start).expect("sound");
+        mission.target = Target::Action(Action::TurnTo(Octant::BackLeftTop));
+        mission.body.set_goal(Goal::Turn { heading_rad: 2.0 });
+        let mut given_up_s = None;
+        for ms in (20..30_000).step_by(20) {
+            let stamp = Stamp(ms * 1_000_000);
+            mission.perceive([SensorEvent::Odometry(OdometryEstimate::at_rest(stamp, start))]);
+            mission.cycle(stamp);
+            if given_up_s.is_none() && !mission.journal.notes.is_empty() {
+                given_up_s = Some(1e-3 * ms as f64);
+            }
+        }
+        assert!(mission.journal.notes[0].1.contains("stands still"), "{:?}", mission.journal.notes);
+        let given_up_s = given_up_s.expect("it was given up");
+        assert!((STUCK_S..STUCK_S + 5.0).contains(&given_up_s), "{given_up_s} s");
     }
 }

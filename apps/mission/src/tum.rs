@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use omni_perception::{OdometryEstimate, Stamp, Trajectory};
+use omni_perception::{OdometryEstimate, Stamp, Trajectory, TrajectoryError};
 use thiserror::Error;
 
 /// Why a trajectory cannot be read.
@@ -113,7 +113,10 @@ fn seconds(text: &str) -> Option<Stamp> {
 }
 
 /// The motion through poses of the body, with the velocities that their neighbours show.
-pub fn trajectory(poses: &[(Stamp, Isometry3<f64>)]) -> Trajectory {
+///
+/// # Errors
+/// [`TrajectoryError`] if a pose or a velocity is not finite, or a time not later than the one before.
+pub fn trajectory(poses: &[(Stamp, Isometry3<f64>)]) -> Result<Trajectory, TrajectoryError> {
     let mut trajectory = Trajectory::default();
     for (index, (stamp, pose)) in poses.iter().enumerate() {
         let (before, after) = (&poses[index.saturating_sub(1)], &poses[(index + 1).min(poses.len() - 1)]);
@@ -126,9 +129,9 @@ pub fn trajectory(poses: &[(Stamp, Isometry3<f64>)]) -> Trajectory {
             angular_velocity_in_body_radps: per_second(turn),
             ..OdometryEstimate::at_rest(*stamp, *pose)
         };
-        trajectory.push(&estimate).expect("finite and ascending: read_tum and recordings give no others");
+        trajectory.push(&estimate)?;
     }
-    trajectory
+    Ok(trajectory)
 }
 
 #[cfg(test)]
@@ -189,6 +192,13 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_that_no_number_holds_is_refused() {
+        let path = file("0 -1e308 0 0 0 0 0 1\n1e-9 1e308 0 0 0 0 0 1\n");
+        let poses = read_tum(path.path()).expect("finite");
+        assert!(matches!(trajectory(&poses), Err(TrajectoryError::NotFinite { .. })));
+    }
+
+    #[test]
     fn between_poses_the_motion_is_smooth() {
         // A circle of 1 m at 1 rad/s, ten poses a second: between them to a tenth of a millimetre.
         let at = |t: f64| {
@@ -196,7 +206,7 @@ mod tests {
             Isometry3::from_parts(Translation3::new(t.cos(), t.sin(), 0.0), turn)
         };
         let poses: Vec<_> = (0..30).map(|k| (Stamp(k * 100_000_000), at(0.1 * k as f64))).collect();
-        let trajectory = trajectory(&poses);
+        let trajectory = trajectory(&poses).expect("sound");
         for k in 100..2800 {
             let t = 0.001 * f64::from(k);
             let pose = trajectory.world_from_body(Stamp(i64::from(k) * 1_000_000)).expect("inside");

@@ -22,6 +22,7 @@ use serde_json::{Value, json};
 
 use self::folder::ScanFolder;
 use self::posed_recording::PosedRecording;
+use crate::recording_args::RecordingArgs;
 
 /// What a ray tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -40,12 +41,8 @@ pub struct FuseOptions {
     /// Where the IMU of the recording was: a file of lines "t x y z qx qy qz qw", as `odometry` writes it
     #[arg(long, value_name = "TUM")]
     trajectory: Option<PathBuf>,
-    /// Where the sensors sit, as a rig file, for recordings that do not say it, or say it wrong
-    #[arg(long, value_name = "FILE", requires = "trajectory")]
-    rig: Option<PathBuf>,
-    /// Topic of the scans in a bag, where there are several
-    #[arg(long, value_name = "TOPIC", requires = "trajectory")]
-    points: Option<String>,
+    #[command(flatten)]
+    recording: RecordingArgs,
     /// Edge of a voxel, metres
     #[arg(long, default_value_t = 0.05, value_name = "METRES")]
     voxel: f64,
@@ -72,6 +69,10 @@ pub struct FuseOptions {
 /// Reads, fuses, writes, prints.
 pub fn run(options: &FuseOptions) -> Result<ExitCode> {
     ensure!((1..=64).contains(&options.threads), "--threads must be between 1 and 64, not {}", options.threads);
+    ensure!(
+        options.trajectory.is_some() || options.recording.is_empty(),
+        "--rig and topics are for recordings: say with --trajectory where the IMU was"
+    );
     ensure!(options.places.is_none() || options.mode == Mode::Clear, "--places needs free space: use --mode clear");
     let config = volume_config(options.voxel);
     config.validate().with_context(|| format!("--voxel {}", options.voxel))?;
@@ -190,7 +191,7 @@ impl Map {
         }
         self.scans += 1;
         self.points += scan.points.len();
-        self.skipped += report.non_finite + report.too_near;
+        self.skipped += scan.skipped + report.non_finite + report.too_near;
         Ok(())
     }
 
@@ -245,6 +246,8 @@ struct PosedScan {
     points: Vec<Point3<f32>>,
     /// The points that carry a label, with it and with their instance (0 = none).
     labelled: Vec<(Point3<f32>, u16, u16)>,
+    /// Points that had no pose or no angle, or were not finite.
+    skipped: usize,
 }
 
 /// Scans one after the other; an error ends them.

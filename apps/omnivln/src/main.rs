@@ -6,6 +6,7 @@ mod fuse;
 mod map;
 mod odometry;
 mod record;
+mod recording_args;
 mod register;
 
 use std::process::ExitCode;

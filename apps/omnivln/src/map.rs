@@ -9,16 +9,14 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use anyhow::{Context, Result, bail, ensure};
-use arena::cli::{load_robot, read_rig, stop_at_ctrl_c};
+use arena::cli::{load_robot, stop_at_ctrl_c};
 use arena::map_picture::{MapDrawing, map_svg};
 use arena::mission::archive;
 use arena::mission::config::MissionConfig;
 use arena::mission::dsg::{scene_graph_text, scene_objects_json};
 use arena::mission::mapping_run::MappingRun;
-use arena::mission::odometer::OdometrySource;
 use arena::mission::omni_perception::Equirectangular;
 use arena::mission::recording::{self, RecordingError, RecordingOptions};
-use arena::mission::rig::Rig;
 use arena::mission::robot_model::RobotKind;
 use arena::mission::segmented::segmented;
 use arena::mission::segmenter::STANDING;
@@ -34,6 +32,7 @@ use nalgebra::Point2;
 use serde_json::{Value, json};
 
 use crate::bench::Robot;
+use crate::recording_args::RecordingArgs;
 
 /// File that says what was mapped, and that it is whole.
 const MAPPING_MARK: &str = "mapping.json";
@@ -54,9 +53,8 @@ pub struct MapOptions {
     /// Robot to use instead of the built-in one; FILE.toml beside it carries what URDF cannot
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
-    /// Where the sensors sit and what the panorama's pixels are, for recordings that do not say it, or say it wrong
-    #[arg(long, value_name = "FILE")]
-    rig: Option<PathBuf>,
+    #[command(flatten)]
+    about: RecordingArgs,
     /// Height of the body's origin over the floor at the beginning; without it that of the robot at rest
     #[arg(long, value_name = "METRES")]
     height: Option<f64>,
@@ -72,15 +70,6 @@ pub struct MapOptions {
     /// Table of names that mean the same, one "name = other name" a line
     #[arg(long, value_name = "FILE")]
     synonyms: Option<PathBuf>,
-    /// Topic of the scans in a bag, where there are several
-    #[arg(long, value_name = "TOPIC")]
-    points: Option<String>,
-    /// Topic of the IMU
-    #[arg(long, value_name = "TOPIC")]
-    imu: Option<String>,
-    /// Topic of the motor's angle
-    #[arg(long, value_name = "TOPIC")]
-    encoder: Option<String>,
     /// Topic of the panorama
     #[arg(long, value_name = "TOPIC")]
     image: Option<String>,
@@ -97,30 +86,24 @@ pub fn run(options: &MapOptions) -> Result<ExitCode> {
     let said = Said::of(&options.recording)?;
     let kind = options.robot.map_or(said.robot, RobotKind::from);
     let robot = load_robot(options.urdf.as_deref(), kind)?;
-    let rig = options.rig.as_ref().map(|path| read_rig(path, Some(&robot))).transpose()?;
+    let rig = options.about.rig(Some(&robot))?;
     let height_m = options.height.unwrap_or(robot.stance_height_m);
     ensure!(height_m.is_finite() && height_m >= 0.0, "--height must be a number of metres from 0 up, not {height_m}");
     let source = Source::of(options)?;
-    let recording = recording::open_with(
-        &options.recording,
-        &RecordingOptions {
-            points_topic: options.points.clone(),
-            imu_topic: options.imu.clone(),
-            encoder_topic: options.encoder.clone(),
-            image_topic: options.image.clone(),
-            rig: rig.as_ref().map(Rig::recorded),
-            are_images_needed: !matches!(source, Source::None),
-            ..RecordingOptions::default()
-        },
-    )?;
+    let recording_options = RecordingOptions {
+        image_topic: options.image.clone(),
+        are_images_needed: !matches!(source, Source::None),
+        ..options.about.options(rig.as_ref())
+    };
+    let recording = recording::open_with(&options.recording, &recording_options)?;
 
     let mut config = MissionConfig::default();
     if let Some(path) = &options.synonyms {
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         config.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
     }
-    if let (Some(rig), OdometrySource::LidarInertial(lio)) = (&rig, &mut config.odometry) {
-        **lio = rig.odometry((**lio).clone());
+    if let Some(rig) = &rig {
+        config.fit(rig);
     }
     let (robot, camera) = match &rig {
         Some(rig) => (rig.fitted(&robot), rig.camera()),

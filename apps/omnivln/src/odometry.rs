@@ -6,15 +6,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail, ensure};
-use arena::cli::read_rig;
 use arena::mission::odometry_run::OdometryRun;
 use arena::mission::omni_perception::LioConfig;
-use arena::mission::recording::{self, RecordingError, RecordingOptions};
-use arena::mission::rig::Rig;
+use arena::mission::recording::{self, RecordingError};
 use arena::mission::tum::tum_line;
 use arena::whole_file::write_whole;
 use clap::Args;
 use serde_json::{Value, json};
+
+use crate::recording_args::RecordingArgs;
 
 /// Options of `odometry`.
 #[derive(Debug, Args)]
@@ -25,19 +25,8 @@ pub struct OdometryOptions {
     /// the time of the scan's last point
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where the sensors sit, as a rig file (see apps/mission/rigs; poses relative to the body), for recordings that do not
-    /// say it, or say it wrong
-    #[arg(long, value_name = "FILE")]
-    rig: Option<PathBuf>,
-    /// Topic of the scans in a bag, where there are several
-    #[arg(long, value_name = "TOPIC")]
-    points: Option<String>,
-    /// Topic of the IMU
-    #[arg(long, value_name = "TOPIC")]
-    imu: Option<String>,
-    /// Topic of the motor's angle
-    #[arg(long, value_name = "TOPIC")]
-    encoder: Option<String>,
+    #[command(flatten)]
+    about: RecordingArgs,
     /// Where to keep the map
     #[arg(long, value_name = "FILE")]
     map_out: Option<PathBuf>,
@@ -54,16 +43,8 @@ const MOST_WARNINGS: usize = 3;
 
 /// Runs the odometry over the recording.
 pub fn run(options: &OdometryOptions) -> Result<ExitCode> {
-    let rig = options.rig.as_ref().map(|path| read_rig(path, None)).transpose()?;
-    let recording_options = RecordingOptions {
-        points_topic: options.points.clone(),
-        imu_topic: options.imu.clone(),
-        encoder_topic: options.encoder.clone(),
-        rig: rig.as_ref().map(Rig::recorded),
-        are_images_needed: false,
-        ..RecordingOptions::default()
-    };
-    let recording = recording::open_with(&options.recording, &recording_options)?;
+    let rig = options.about.rig(None)?;
+    let recording = recording::open_with(&options.recording, &options.about.options(rig.as_ref()))?;
     let config = LioConfig { threads: options.threads as usize, ..LioConfig::default() };
     let config = rig.as_ref().map_or(config.clone(), |rig| rig.odometry(config));
     let mut run = OdometryRun::new(&recording.rig, config)?;

@@ -158,6 +158,15 @@ fn a_recording_alone_becomes_a_map_that_is_asked_and_fused_again_on_its_own_traj
         let output = std::process::Command::new("sh").args(arguments).output().unwrap();
         assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     }
+    // A disk that is full is told.
+    #[cfg(target_os = "linux")]
+    {
+        let script = r#"exec "$0" ask "$1" "go to the bedroom" > /dev/full"#;
+        let arguments = ["-c", script, env!("CARGO_BIN_EXE_omnivln"), &path("map")];
+        let output = std::process::Command::new("sh").args(arguments).output().unwrap();
+        let err = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && err.starts_with("error: writing to stdout"), "{err}");
+    }
     fs::rename(Path::new(&bag).join("masks"), path("masks")).unwrap();
     let bare = json(&["map", &bag, "--out", &path("bare"), "--quiet", "--json"]);
     assert_eq!((bare["objects"].as_u64(), bare["images"].as_u64()), (Some(0), Some(0)));

@@ -101,8 +101,8 @@ pub mod so3;
 pub mod stamp;
 pub mod stitch;
 pub mod trajectory;
-pub mod vector_loops;
-mod visibility;
+mod vector_loops;
+pub mod visibility;
 pub mod vote;
 
 pub use camera::{Camera, Domain, Intrinsics, camera_from_optical};

@@ -282,7 +282,6 @@ fn carried_elsewhere_it_begins_anew() {
     assert!((last.world_from_body.translation.vector - before.translation.vector).norm() < 6.0);
 }
 
-/// A hall that does not look like the room.
 /// Floor, ceiling and four walls, seen from within.
 fn empty_room(low: [f64; 3], high: [f64; 3]) -> support::Scene {
     let side = |axis: usize, at: f64, thick: f64| {
@@ -294,6 +293,7 @@ fn empty_room(low: [f64; 3], high: [f64; 3]) -> support::Scene {
     support::Scene { names: vec!["room"], blocks }
 }
 
+/// A hall that does not look like the room.
 fn square_hall() -> support::Scene {
     let mut hall = empty_room([-6.0, -5.0, -2.0], [6.0, 5.0, 5.0]);
     let pillar = support::Block { thing: 0, min: [3.0, 2.0, -2.0].into(), max: [4.0, 3.5, 2.0].into() };

@@ -40,7 +40,7 @@ fn read_scan(file: &Path, world_from_sensor: &Isometry3<f64>) -> Result<PosedSca
     let instances = scan.instances.into_iter().chain(std::iter::repeat(0));
     let tagged = points.iter().zip(scan.labels).zip(instances).map(|((p, label), instance)| (*p, label, instance));
     let labelled = tagged.filter(|(_, label, _)| *label != 0).collect();
-    Ok(PosedScan { name, origin: world_from_sensor.translation.vector.into(), points, labelled })
+    Ok(PosedScan { name, origin: world_from_sensor.translation.vector.into(), points, labelled, skipped: 0 })
 }
 
 /// Between two scans nothing that carries a LiDAR moves farther than this.

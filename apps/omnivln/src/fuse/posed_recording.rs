@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use arena::cli::read_rig;
 use arena::mission::omni_perception::Stamp;
 use arena::mission::posed_scans::{PosedScanError, PosedScans};
 use arena::mission::recording::{self, RecordingOptions};
-use arena::mission::rig::Rig;
 use arena::mission::tum::read_tum;
 use nalgebra::Isometry3;
 
@@ -25,15 +23,10 @@ pub struct PosedRecording {
 impl PosedRecording {
     /// Reads the trajectory and the rig; the recording is opened with its first scan.
     pub fn open(options: &FuseOptions, trajectory: &Path) -> Result<PosedRecording> {
-        let rig = options.rig.as_ref().map(|path| read_rig(path, None)).transpose()?;
+        let rig = options.recording.rig(None)?;
         Ok(PosedRecording {
             path: options.scans.clone(),
-            options: RecordingOptions {
-                points_topic: options.points.clone(),
-                rig: rig.as_ref().map(Rig::recorded),
-                are_images_needed: false,
-                ..RecordingOptions::default()
-            },
+            options: options.recording.options(rig.as_ref()),
             encoder_latency_s: rig.map_or(0.0, |rig| rig.lidar.encoder_latency_s),
             imu_poses: read_tum(trajectory)?,
         })
@@ -42,7 +35,7 @@ impl PosedRecording {
     /// Scan after scan. What could not be used is counted, and told at the end.
     pub fn scans(&self) -> Result<Scans> {
         let recording = recording::open_with(&self.path, &self.options)?;
-        let mut scans = PosedScans::new(recording.events, &recording.rig, self.encoder_latency_s, &self.imu_poses);
+        let mut scans = PosedScans::new(recording.events, &recording.rig, self.encoder_latency_s, &self.imu_poses)?;
         let mut lost: BTreeMap<&str, usize> = BTreeMap::new();
         let mut count = 0;
         Ok(Box::new(std::iter::from_fn(move || {
@@ -55,10 +48,12 @@ impl PosedRecording {
                             origin: scan.sensor_origin_in_world(),
                             points: scan.points_in_world(),
                             labelled: Vec::new(),
+                            skipped: scan.dropped.non_finite + scan.dropped.outside_time,
                         }));
                     }
                     Err(PosedScanError::NoPose(_)) => *lost.entry("scans_without_poses").or_default() += 1,
-                    Err(PosedScanError::Recording(error)) => *lost.entry(error.loss()).or_default() += 1,
+                    Err(PosedScanError::Encoder(_)) => *lost.entry("encoder_readings_unusable").or_default() += 1,
+                    Err(PosedScanError::Recording(error)) => *lost.entry(error.loss()).or_default() += error.count(),
                 }
             }
             for (reason, count) in std::mem::take(&mut lost) {
