@@ -139,8 +139,9 @@ pub fn load_robot(urdf: Option<&std::path::Path>, kind: RobotKind) -> Result<Rob
     })?;
     if robot.kind != kind {
         let (own, wanted) = (word(robot.kind), word(kind));
+        let n = if robot.kind == RobotKind::Aerial { "n" } else { "" };
         bail!(
-            "{} is of the kind \"{own}\"; this program is for {wanted} robots: use omnivln-{own}, or --robot {own} where there is that option",
+            "{} is the model of a{n} {own} robot; this program is for {wanted} robots: use omnivln-{own}, or --robot {own} where there is that option",
             urdf.display(),
         );
     }
