@@ -102,7 +102,7 @@ impl Volume {
         self.fold(origin_in_world, points_in_world, Self::pull_bands, Self::look_through)
     }
 
-    fn fold(
+    pub(crate) fn fold(
         &mut self,
         origin_in_world: &Point3<f64>,
         points_in_world: &[Point3<f32>],
@@ -159,9 +159,7 @@ impl Volume {
                 let is_turn = if turn.is_power_of_two() { phase & (turn - 1) == 0 } else { phase.is_multiple_of(turn) };
                 if range > far {
                     scan.report.beyond_range += 1;
-                    if is_turn {
-                        rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: true });
-                    }
+                    rays.push(Ray { direction, range: far, end: None, end_block: NONE, is_clearing: is_turn });
                     continue;
                 }
                 scan.report.integrated += 1;
@@ -373,9 +371,14 @@ pub(crate) struct Ray {
 }
 
 impl Ray {
-    /// One voxel before the return, or all the way if there is none; fixed point. `None` if nothing is left.
+    /// It looks through what lies nearer than this: one voxel before the return, or all the way if there is none.
+    pub fn until(&self) -> f64 {
+        if self.end.is_some() { self.range - 1.0 } else { self.range }
+    }
+
+    /// The same in fixed point; `None` if nothing is left.
     pub fn clears_until(&self) -> Option<i64> {
-        let stop = if self.end.is_some() { self.range - 1.0 } else { self.range };
+        let stop = self.until();
         (stop > 0.0).then(|| fixed(stop))
     }
 }

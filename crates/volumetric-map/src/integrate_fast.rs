@@ -96,7 +96,7 @@ impl Volume {
 
     /// The block that a walk came into, by the link of the block it left.
     #[inline(always)]
-    fn next_block(&mut self, left: u32, stride: &Stride, side: usize, scan: &mut Scan) -> u32 {
+    pub(crate) fn next_block(&mut self, left: u32, stride: &Stride, side: usize, scan: &mut Scan) -> u32 {
         if left != NONE {
             let next = self.nodes[left as usize].links[side];
             if next != NONE {

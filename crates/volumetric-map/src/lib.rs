@@ -47,7 +47,7 @@
 //! # How it works
 //! 1. [`integrate`] pulls the truncation band of each return towards its distance and lets rays clear what they look through, with care
 //!    for what the same scan hit and for surfaces a ray only grazes. Weights are small: the newest evidence wins, so a drifting pose
-//!    leaves no ghosts.
+//!    leaves no ghosts. Scans whose beams are known ([`BeamGrid`]) may be looked up instead of walked: [`Volume::integrate_organised`].
 //! 2. Blocks of 8^3 voxels keep bit sets (known, occupied), so that a flat grid ([`OccupancyGrid`]) or a coarser cell costs a few word operations.
 //! 3. [`clearance`], [`fill_islands`] and [`skeleton`](mod@skeleton) read a flat grid: exact distance transform, furniture filling, the lines
 //!    between walls. [`height_map`] follows the ground for robots that climb steps and pass under things.
@@ -76,6 +76,7 @@
 
 pub mod archive;
 mod basis_points;
+pub mod beam_grid;
 mod block;
 pub mod config;
 pub mod distance_field;
@@ -84,6 +85,7 @@ mod edt;
 pub mod height_map;
 pub mod integrate;
 mod integrate_fast;
+mod integrate_organised;
 pub mod marching_cubes;
 pub mod mesh;
 pub mod occupancy_grid;
@@ -103,6 +105,7 @@ mod votes;
 mod watershed;
 
 pub use archive::{RestoreError, RestoreReport};
+pub use beam_grid::{BeamGrid, BeamGridError};
 pub use block::BlockKey;
 pub use config::{ConfigError, VolumeConfig};
 pub use distance_field::{DistanceField, UpdateReport};

@@ -1,11 +1,11 @@
 //! A small world of boxes with exact rays and exact distances, and a rotating LiDAR in it.
 #![allow(dead_code)] // every test file uses its own part
 
-use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use volumetric_map::{Cell, OccupancyGrid};
+use volumetric_map::{BeamGrid, Cell, OccupancyGrid};
 
 /// Flat grids of fewer than `sides` cells along x and y, of which `free` parts against three are free.
 pub fn flat_grid(sides: usize, free: u32) -> impl Strategy<Value = OccupancyGrid> {
@@ -231,10 +231,21 @@ impl Lidar {
         (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
     }
 
+    /// The beams, in the frame of [`mount`](Self::mount).
+    pub fn beams(&self) -> BeamGrid {
+        let elevation = |ring: usize| (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * self.fov_rad;
+        BeamGrid::new((0..self.rings).map(elevation).collect(), self.columns, 0.0).unwrap()
+    }
+
+    /// How the spinning part stands on the sensor in the next scan.
+    pub fn mount(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.motor_radps * 0.1 * f64::from(self.scans))
+            * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), self.tilt_rad)
+    }
+
     /// One scan (10 Hz) from the sensor's true pose: points in the sensor's gravity-aligned frame, with labels.
     pub fn scan(&mut self, world: &World, world_from_sensor: &Isometry3<f64>) -> Vec<(Point3<f32>, u16)> {
-        let motor = Rotation3::from_axis_angle(&Vector3::z_axis(), self.motor_radps * 0.1 * f64::from(self.scans));
-        let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
+        let mount = self.mount();
         self.scans += 1;
         let mut points = Vec::with_capacity(self.rings * self.columns);
         for column in 0..self.columns {
@@ -243,7 +254,7 @@ impl Lidar {
                 let elevation = (ring as f64 / (self.rings - 1).max(1) as f64 - 0.5) * self.fov_rad;
                 let ray =
                     Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
-                let in_sensor = motor * tilt * ray;
+                let in_sensor = mount * ray;
                 let in_world = world_from_sensor.rotation * in_sensor;
                 let Some((range, label)) = world.cast(&world_from_sensor.translation.vector, &in_world) else {
                     continue;
