@@ -20,6 +20,7 @@ pub struct DistanceField {
     pub(crate) resolution_m: f64,
     pub(crate) requested_resolution_m: f64,
     pub(crate) max_distance_m: f64,
+    pub(crate) max_cells: usize,
     /// Largest squared distance in cells that is kept.
     pub(crate) reach_squared: u32,
     pub(crate) cells_per_block: i32,
@@ -44,8 +45,8 @@ pub struct DistanceField {
     pub(crate) roots: Vec<f32>,
 }
 
-/// The grid is a box and never has more cells than this (11 bytes each): a map with a part that is absurdly far away, after a
-/// jump of the pose, must not take all memory.
+/// The grid is a box and never has more cells than this (11 bytes each) unless [`DistanceField::limited_to`] says otherwise: a map with a
+/// part that is absurdly far away, after a jump of the pose, must not take all memory.
 pub const MAX_CELLS: usize = 1 << 26;
 
 pub(crate) const NOWHERE: i16 = i16::MAX;
@@ -57,7 +58,7 @@ pub(crate) const BEYOND: u16 = u16::MAX;
 pub struct UpdateReport {
     /// Blocks of the volume that were read again.
     pub blocks_read: usize,
-    /// Blocks that lie where the grid cannot reach, because it would need more than [`MAX_CELLS`] cells; they are left out.
+    /// Blocks that lie where the grid cannot reach, because it would need more cells than it may have; they are left out.
     pub refused_blocks: usize,
     /// Cells that changed between unknown, free and occupied.
     pub cells_changed: usize,
@@ -80,6 +81,7 @@ impl DistanceField {
             resolution_m,
             requested_resolution_m: resolution_m,
             max_distance_m: or(max_distance_m, 2.0),
+            max_cells: MAX_CELLS,
             reach_squared: 0,
             cells_per_block: 4,
             low: [0; 3],
@@ -96,6 +98,12 @@ impl DistanceField {
             touched: Vec::new(),
             roots: Vec::new(),
         }
+    }
+
+    /// The same with another bound on the cells of its grid (11 bytes each; [`MAX_CELLS`] by default). What the grid then cannot
+    /// reach is left out, and counted in [`UpdateReport::refused_blocks`].
+    pub fn limited_to(self, max_cells: usize) -> Self {
+        Self { max_cells, ..self }
     }
 
     /// Edge of a cell, metres; final after the first update.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::block::{Block, BlockKey};
-use crate::distance_field::{BEYOND, DistanceField, MAX_CELLS, NOWHERE, UpdateReport};
+use crate::distance_field::{BEYOND, DistanceField, NOWHERE, UpdateReport};
 use crate::edt::{Envelope, FAR};
 use crate::volume::{Cell, Volume};
 
@@ -57,7 +57,7 @@ impl DistanceField {
             new_size[axis] = (i64::from(to - from + 1) * i64::from(cells_per_block)) as usize;
         }
         let is_too_large =
-            new_size.iter().try_fold(1usize, |n, side| n.checked_mul(*side)).is_none_or(|n| n > MAX_CELLS);
+            new_size.iter().try_fold(1usize, |n, side| n.checked_mul(*side)).is_none_or(|n| n > self.max_cells);
         if is_too_large && !is_other {
             return None;
         }

@@ -354,6 +354,24 @@ mod distance {
     }
 
     #[test]
+    fn a_field_that_may_not_grow_leaves_the_rest_out_and_keeps_what_it_has() {
+        let wall = |x: f32| (0..400).map(move |i| Point3::new(x, (i % 20) as f32 * 0.04, (i / 20) as f32 * 0.04));
+        let mut volume = Volume::new(VolumeConfig { min_weight: 1, ..VolumeConfig::default() }).unwrap();
+        volume.integrate(&Point3::origin(), &wall(1.0).collect::<Vec<_>>()).unwrap();
+        let (mut free, mut bounded) = (DistanceField::new(0.1, 1.0), DistanceField::new(0.1, 1.0).limited_to(100_000));
+        assert_eq!((free.update(&volume).refused_blocks, bounded.update(&volume).refused_blocks), (0, 0));
+        let near = Point3::new(0.55, 0.3, 0.3);
+        let before = bounded.distance(&near);
+        assert!(before.is_some() && before == free.distance(&near));
+        volume.integrate(&Point3::origin(), &wall(-9.0).collect::<Vec<_>>()).unwrap();
+        assert_eq!(free.update(&volume).refused_blocks, 0);
+        assert!(bounded.update(&volume).refused_blocks > 0);
+        let far = Point3::new(-8.45, 0.3, 0.3);
+        assert!(free.distance(&far).is_some() && bounded.distance(&far).is_none());
+        assert_eq!((bounded.distance(&near), free.distance(&near)), (before, before));
+    }
+
+    #[test]
     fn occupied_points_are_the_occupied_cells_of_the_box() {
         let mut volume = Volume::new(VolumeConfig::default()).unwrap();
         for _ in 0..4 {
