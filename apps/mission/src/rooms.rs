@@ -5,8 +5,8 @@
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 
 use nalgebra::{Point2, Point3};
-use topo_ph::{Graph, GraphError, PinchConfig, PinchError, pinch};
-use volumetric_map::{Cell, OccupancyGrid, clearance, fill_islands};
+use topo_ph::{PinchConfig, PinchError, grid_graph, pinch};
+use volumetric_map::{OccupancyGrid, clearance, fill_islands};
 
 /// How rooms are cut out of the slice.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,8 +72,7 @@ impl RoomMap {
         // 2. Clearance of every free cell; what nobody saw counts as a wall.
         let clearance_m = clearance(&grid, true);
         // 3. The graph of free cells, eight neighbours each.
-        let (graph, cell_of_vertex) =
-            pixel_graph(&grid, &clearance_m).expect("clearances are finite and edges join cells of the grid");
+        let (graph, cell_of_vertex) = grid_graph(&clearance_m, grid.width);
         // 4. The partition.
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];
@@ -81,7 +80,7 @@ impl RoomMap {
         let partition = pinch(&graph, &areas, &pinch_config)?;
 
         let center_of = |vertex: u32| {
-            let cell = cell_of_vertex[vertex as usize];
+            let cell = cell_of_vertex[vertex as usize] as usize;
             grid.center(cell % grid.width, cell / grid.width)
         };
         // 5. What is small and cut off (a view through a window, a gap behind a shelf) is no room.
@@ -96,7 +95,7 @@ impl RoomMap {
         }
         let mut part_of_cell = vec![None; grid.cells.len()];
         for (vertex, &part) in partition.part_of.iter().enumerate() {
-            part_of_cell[cell_of_vertex[vertex]] = room_of_part[part as usize];
+            part_of_cell[cell_of_vertex[vertex] as usize] = room_of_part[part as usize];
         }
         let doorways = partition
             .borders
@@ -151,40 +150,10 @@ impl RoomMap {
     }
 }
 
-/// Free cells as vertices weighted with their clearance, eight-neighbourhood as edges. Also returns the cell of each vertex.
-fn pixel_graph(grid: &OccupancyGrid, clearance_m: &[f32]) -> Result<(Graph, Vec<usize>), GraphError> {
-    const OBSTACLE: u32 = u32::MAX;
-    let mut vertex_of_cell = vec![OBSTACLE; grid.cells.len()];
-    let mut cell_of_vertex = Vec::new();
-    let mut values = Vec::new();
-    for (cell, content) in grid.cells.iter().enumerate() {
-        if *content == Cell::Free {
-            vertex_of_cell[cell] = cell_of_vertex.len() as u32;
-            cell_of_vertex.push(cell);
-            values.push(f64::from(clearance_m[cell]));
-        }
-    }
-    let mut edges = Vec::with_capacity(4 * cell_of_vertex.len());
-    for (vertex, &cell) in cell_of_vertex.iter().enumerate() {
-        let (ix, iy) = (cell % grid.width, cell / grid.width);
-        // Each pair once: right, and the three cells of the row above.
-        for (dx, dy) in [(1_i64, 0_i64), (-1, 1), (0, 1), (1, 1)] {
-            let (x, y) = (ix as i64 + dx, iy as i64 + dy);
-            if x < 0 || x >= grid.width as i64 || y >= grid.height as i64 {
-                continue;
-            }
-            let neighbour = vertex_of_cell[y as usize * grid.width + x as usize];
-            if neighbour != OBSTACLE {
-                edges.push((vertex as u32, neighbour));
-            }
-        }
-    }
-    Ok((Graph::new(values, edges, None)?, cell_of_vertex))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use volumetric_map::Cell;
 
     /// Two rooms of 4 m x 4 m, a wall of one cell between them, a door of 1 m in its middle.
     fn two_rooms() -> OccupancyGrid {

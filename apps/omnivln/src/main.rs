@@ -1,13 +1,16 @@
 //! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, run benches.
 
 mod ask;
+mod barcode;
 mod bench;
 mod fuse;
 mod map;
+mod memory;
 mod odometry;
 mod record;
 mod recording_args;
 mod register;
+mod rooms;
 
 use std::process::ExitCode;
 
@@ -31,6 +34,10 @@ enum Command {
     Map(map::MapOptions),
     /// Aligns two scans: pose, inliers, time
     Register(register::RegisterOptions),
+    /// Cuts a floor plan, or a graph of places, into rooms
+    Rooms(rooms::RoomsOptions),
+    /// The persistent homology of a graph: when its components are born and die
+    Barcode(barcode::BarcodeOptions),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
     Record(record::RecordOptions),
     /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
@@ -54,6 +61,8 @@ fn main() -> ExitCode {
         Command::Fuse(options) => fuse::run(&options),
         Command::Map(options) => map::run(&options),
         Command::Register(options) => register::run(&options),
+        Command::Rooms(options) => rooms::run(&options),
+        Command::Barcode(options) => barcode::run(&options),
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),

@@ -1,7 +1,6 @@
 //! `omnivln odometry RECORDING --out TUM`: the trajectory of a recording.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -14,6 +13,7 @@ use arena::whole_file::write_whole;
 use clap::Args;
 use serde_json::{Value, json};
 
+use crate::memory::peak_rss_mib;
 use crate::recording_args::RecordingArgs;
 
 /// Options of `odometry`.
@@ -135,11 +135,4 @@ fn with_causes(error: &RecordingError) -> String {
         cause = error.source();
     }
     text
-}
-
-/// Peak memory of this process, MiB; Linux only.
-fn peak_rss_mib() -> Option<f64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.split_whitespace().next()?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }

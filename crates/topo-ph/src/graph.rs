@@ -53,8 +53,8 @@ pub enum GraphError {
 pub struct Graph {
     values: Vec<f64>,
     edges: Vec<(u32, u32)>,
-    weights: Vec<f64>,
-    has_edge_values: bool,
+    /// w(e) where edges have values; otherwise it is the value of the lower end.
+    weights: Option<Vec<f64>>,
 }
 
 impl Graph {
@@ -88,20 +88,22 @@ impl Graph {
                 return Err(GraphError::SelfLoop { edge });
             }
         }
-        let mut weights: Vec<f64> = edges.iter().map(|&(u, v)| values[u as usize].min(values[v as usize])).collect();
-        let has_edge_values = edge_values.is_some();
-        if let Some(limits) = edge_values {
-            if limits.len() != edges.len() {
+        let weights = match edge_values {
+            None => None,
+            Some(limits) if limits.len() != edges.len() => {
                 return Err(GraphError::EdgeValueCount { edge_values: limits.len(), edges: edges.len() });
             }
-            if let Some(edge) = limits.iter().position(|c| c.is_nan() || *c == f64::NEG_INFINITY) {
-                return Err(GraphError::EdgeValue { edge });
+            Some(mut limits) => {
+                if let Some(edge) = limits.iter().position(|c| c.is_nan() || *c == f64::NEG_INFINITY) {
+                    return Err(GraphError::EdgeValue { edge });
+                }
+                for (limit, &(u, v)) in limits.iter_mut().zip(&edges) {
+                    *limit = values[u as usize].min(values[v as usize]).min(*limit) + 0.0;
+                }
+                Some(limits)
             }
-            for (weight, limit) in weights.iter_mut().zip(limits) {
-                *weight = weight.min(limit) + 0.0;
-            }
-        }
-        Ok(Graph { values, edges, weights, has_edge_values })
+        };
+        Ok(Graph { values, edges, weights })
     }
 
     /// Number of vertices.
@@ -131,17 +133,23 @@ impl Graph {
 
     /// w(e) = min(R(u), R(v), c(e)). Panics if `edge` is not an edge.
     pub fn edge_weight(&self, edge: usize) -> f64 {
-        self.weights[edge]
+        match &self.weights {
+            Some(weights) => weights[edge],
+            None => {
+                let (u, v) = self.edges[edge];
+                self.value(u).min(self.value(v))
+            }
+        }
     }
 
-    /// w(e) of all edges.
-    pub fn edge_weights(&self) -> &[f64] {
-        &self.weights
+    /// w(e) of all edges, in their order.
+    pub fn edge_weights(&self) -> impl DoubleEndedIterator<Item = f64> + '_ {
+        (0..self.edges.len()).map(|edge| self.edge_weight(edge))
     }
 
     /// Whether edges may be narrower than both their ends.
     pub(crate) fn has_edge_values(&self) -> bool {
-        self.has_edge_values
+        self.weights.is_some()
     }
 
     /// Whether `a` is born before `b`: larger value first, then smaller index (simulation of simplicity).
@@ -196,7 +204,7 @@ mod tests {
     #[test]
     fn an_edge_is_as_wide_as_its_narrowest_part() {
         let graph = Graph::new(vec![2.0, 1.5, 0.4], vec![(0, 1), (1, 2)], Some(vec![0.7, f64::INFINITY]));
-        assert_eq!(graph.expect("valid").edge_weights(), [0.7, 0.4]);
+        assert_eq!(graph.expect("valid").edge_weights().collect::<Vec<_>>(), [0.7, 0.4]);
     }
 
     #[test]

@@ -30,7 +30,8 @@
 //!
 //! # How it works
 //! 1. [`Graph::new`] checks the numbers once ([`graph`]).
-//! 2. Edges are sorted from wide to narrow; a union-find with the elder rule gives the [`barcode()`].
+//! 2. Edges are sorted from wide to narrow; a union-find with the elder rule gives the [`barcode()`];
+//!    [`deaths()`] is the same as one number a vertex, without sorting edges, for graphs of millions.
 //! 3. [`betti_curve`] sweeps over births and deaths; [`plateau()`] picks the longest stable count (Eq. 5) and
 //!    [`plateau_partition`] grows its components over the whole graph.
 //! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than the smaller side.
@@ -53,6 +54,7 @@
 mod assignment;
 pub mod barcode;
 pub mod betti;
+pub mod deaths;
 pub mod distance;
 pub mod graph;
 pub mod grow;
@@ -66,6 +68,7 @@ mod union_find;
 
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
 pub use betti::{BettiCurve, Interval, betti_curve};
+pub use deaths::deaths;
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;

@@ -37,14 +37,19 @@ pub(crate) fn edges_wide_first(graph: &Graph) -> Vec<u32> {
     order
 }
 
-/// The rank of each value, largest first, equal values sharing one; and the number of ranks.
-fn dense_ranks(values: &[f64]) -> (Vec<u32>, u32) {
+/// Vertex indices by (value descending, index).
+pub(crate) fn vertices_high_first(values: &[f64]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..values.len() as u32).collect();
     sort_rising(&mut order, |vertex| falling_bits(values[vertex as usize]));
+    order
+}
+
+/// The rank of each value, largest first, equal values sharing one; and the number of ranks.
+fn dense_ranks(values: &[f64]) -> (Vec<u32>, u32) {
     let mut rank = vec![0; values.len()];
     let mut ranks = 0;
     let mut last = f64::NAN;
-    for vertex in order {
+    for vertex in vertices_high_first(values) {
         if values[vertex as usize] != last {
             ranks += 1;
             last = values[vertex as usize];

@@ -62,7 +62,7 @@ pub fn count(labels: &[u32]) -> u32 {
 
 /// Every number at which something changes, and numbers between and outside.
 pub fn thresholds(graph: &Graph) -> Vec<f64> {
-    let mut levels: Vec<f64> = graph.values().iter().chain(graph.edge_weights()).copied().collect();
+    let mut levels: Vec<f64> = graph.values().iter().copied().chain(graph.edge_weights()).collect();
     levels.push(0.0);
     levels.sort_unstable_by(f64::total_cmp);
     let between: Vec<f64> = levels.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
