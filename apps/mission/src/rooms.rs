@@ -5,7 +5,8 @@
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 
 use nalgebra::{Point2, Point3};
-use topo_ph::{PinchConfig, PinchError, grid_graph, pinch};
+use thiserror::Error;
+use topo_ph::{CorridorConfig, CorridorError, PinchConfig, PinchError, grid_graph, join_corridors, pinch};
 use volumetric_map::{OccupancyGrid, clearance, fill_islands};
 
 /// How rooms are cut out of the slice.
@@ -15,18 +16,38 @@ pub struct RoomConfig {
     pub island_area_m2: f64,
     /// ... if no side of their box is longer than this, default 1.2 m.
     pub island_side_m: f64,
-    /// Ratio of the pinch, default 0.85 (notes on rooms, 3).
+    /// Ratio of the pinch, default 0.88.
     pub rho: f64,
-    /// Prominence of a room, default 0.10 m.
+    /// Prominence of a room, default 0.07 m.
     pub tau_m: f64,
     /// Smallest room, default 1.5 m².
     pub min_area_m2: f64,
+    /// How corridors become whole that were cut at their junctions; `None`: they stay cut.
+    pub corridors: Option<CorridorConfig>,
 }
 
 impl Default for RoomConfig {
     fn default() -> Self {
-        Self { island_area_m2: 1.0, island_side_m: 1.2, rho: 0.85, tau_m: 0.10, min_area_m2: 1.5 }
+        Self {
+            island_area_m2: 1.0,
+            island_side_m: 1.2,
+            rho: 0.88,
+            tau_m: 0.07,
+            min_area_m2: 1.5,
+            corridors: Some(CorridorConfig::default()),
+        }
     }
+}
+
+/// A [`RoomConfig`] that makes no sense.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum RoomConfigError {
+    /// Of the cutting.
+    #[error(transparent)]
+    Pinch(#[from] PinchError),
+    /// Of the corridors.
+    #[error(transparent)]
+    Corridors(#[from] CorridorError),
 }
 
 /// The free part of a slice, cut into rooms.
@@ -65,8 +86,8 @@ impl RoomMap {
     /// Cuts `slice` into rooms. An empty slice has none.
     ///
     /// # Errors
-    /// [`PinchError`] if the configuration makes no sense.
-    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, PinchError> {
+    /// [`RoomConfigError`] if the configuration makes no sense.
+    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, RoomConfigError> {
         // 1. Furniture that stands alone is filled.
         let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
         // 2. Clearance of every free cell; what nobody saw counts as a wall.
@@ -77,7 +98,10 @@ impl RoomMap {
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];
         let pinch_config = PinchConfig { rho: config.rho, tau: config.tau_m, min_area: config.min_area_m2 };
-        let partition = pinch(&graph, &areas, &pinch_config)?;
+        let mut partition = pinch(&graph, &areas, &pinch_config)?;
+        if let Some(corridors) = &config.corridors {
+            partition = join_corridors(&graph, &areas, &partition, corridors)?;
+        }
 
         let center_of = |vertex: u32| {
             let cell = cell_of_vertex[vertex as usize] as usize;
