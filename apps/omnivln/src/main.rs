@@ -1,4 +1,4 @@
-//! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, run benches.
+//! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, find rooms in plans, run benches.
 
 mod ask;
 mod barcode;

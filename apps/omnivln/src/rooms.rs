@@ -21,7 +21,6 @@ use serde_json::json;
 #[derive(Debug, Args)]
 pub struct RoomsOptions {
     /// Floor plan: a grey picture, white (250 and above) is free, the rest is wall or furniture
-    #[arg(required_unless_present = "places")]
     map: Option<PathBuf>,
     /// A graph of places instead: {"nodes": [[x, y, clearance], ...], "edges": [[i, j, clearance], ...]}
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "resolution"])]

@@ -248,6 +248,27 @@ mod partitions {
 
     proptest! {
         #[test]
+        fn joined_corridors_are_whole_parts_and_a_second_time_changes_nothing(
+            graph in graph(), config in pinch_config(), goes_on in 0.0..1.0_f64, as_wide in 0.1..2.0_f64, elongation in 0.1..8.0_f64
+        ) {
+            let areas = vec![1.0; graph.len()];
+            let cut = pinch(&graph, &areas, &config).expect("valid");
+            let rule = CorridorConfig { goes_on, as_wide, elongation };
+            let joined = join_corridors(&graph, &areas, &cut, &rule).expect("valid");
+            // Each old part lies in one new part, and only parts that touch were joined.
+            for part in 0..cut.parts.len() as u32 {
+                let inside: std::collections::BTreeSet<u32> =
+                    (0..graph.len()).filter(|&v| cut.part_of[v] == part).map(|v| joined.part_of[v]).collect();
+                prop_assert_eq!(inside.len(), 1);
+            }
+            let components = components_by_search(&graph, f64::NEG_INFINITY);
+            for (u, v) in (0..graph.len()).flat_map(|u| (0..u).map(move |v| (u, v))) {
+                prop_assert!(joined.part_of[u] != joined.part_of[v] || components[u] == components[v]);
+            }
+            prop_assert_eq!(&join_corridors(&graph, &areas, &joined, &rule).expect("valid"), &joined);
+        }
+
+        #[test]
         fn pinch_keeps_the_promises_of_a_partition(graph in graph(), config in pinch_config()) {
             let partition = pinch(&graph, &vec![1.0; graph.len()], &config).expect("valid");
             check_invariants(&graph, &partition)?;
