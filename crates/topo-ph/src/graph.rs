@@ -147,6 +147,20 @@ impl Graph {
         (0..self.edges.len()).map(|edge| self.edge_weight(edge))
     }
 
+    /// The same graph with no vertex above its cap.
+    pub(crate) fn lowered(&self, caps: &[f64]) -> Graph {
+        let mut graph = self.clone();
+        for (value, cap) in graph.values.iter_mut().zip(caps) {
+            *value = value.min(*cap);
+        }
+        if let Some(weights) = &mut graph.weights {
+            for (weight, &(u, v)) in weights.iter_mut().zip(&graph.edges) {
+                *weight = weight.min(graph.values[u as usize]).min(graph.values[v as usize]);
+            }
+        }
+        graph
+    }
+
     /// Whether edges may be narrower than both their ends.
     pub(crate) fn has_edge_values(&self) -> bool {
         self.weights.is_some()

@@ -36,7 +36,7 @@
 //!    [`plateau_partition`] grows its components over the whole graph.
 //! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than the smaller side;
 //!    [`join_corridors`] makes corridors whole that it cut at their junctions (images only).
-//! 5. [`MergeTree`] keeps all thresholds at once; [`match_parts`] carries names from one partition to the next.
+//! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
 //!
 //! # Conventions
@@ -66,6 +66,7 @@ mod order;
 pub mod partition;
 pub mod pinch;
 pub mod plateau;
+pub mod simplify;
 mod union_find;
 
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
@@ -80,3 +81,4 @@ pub use merge_tree::{MergeNode, MergeTree};
 pub use partition::{Border, Part, Partition};
 pub use pinch::{PinchConfig, PinchError, pinch};
 pub use plateau::{Pick, Plateau, PlateauConfig, PlateauError, PlateauOutcome, plateau, plateau_partition};
+pub use simplify::simplify;

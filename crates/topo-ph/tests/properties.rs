@@ -78,6 +78,18 @@ mod barcodes {
         }
 
         #[test]
+        fn a_simplified_graph_has_the_long_bars_and_moved_by_less_than_tau(graph in graph(), tau in prop_oneof![0.0..2.0_f64, Just(0.25), Just(0.5)]) {
+            let simple = simplify(&graph, tau);
+            let mut long = lives(&barcode(&graph));
+            long.retain(|(birth, death)| death.is_none_or(|death| birth - death >= tau));
+            prop_assert_eq!(lives(&barcode(&simple)), long);
+            for (old, new) in graph.values().iter().zip(simple.values()) {
+                prop_assert!(new <= old && (new == old || old - new < tau));
+            }
+            prop_assert_eq!(simplify(&simple, tau), simple);
+        }
+
+        #[test]
         fn one_bar_a_vertex_one_essential_a_component_and_the_rest_are_cycles(graph in graph()) {
             let bars = barcode(&graph);
             let components = count(&components_by_search(&graph, f64::NEG_INFINITY)) as usize;
