@@ -2,7 +2,7 @@
 //!
 //! Where a corridor meets another it is wider than along its way (1.25 times at a T, 1.4 times at a crossing), so the junction is a peak,
 //! the corridor a saddle, and a rule that asks for a narrowing cuts there. But no door is as wide as the corridor behind it. So a border goes
-//! if on some side of it lies a long part that is nowhere much wider than the border, and the other side is not much wider either: the corridor goes on.
+//! if on some side of it lies a part that is hardly wider than the border anywhere, and the other side is not much wider either: the corridor goes on.
 //!
 //! How wide a part usually is follows from the mean of its values: over a strip with walls on both sides the mean clearance is half that of its middle line.
 //! So this is for images, where every point of the floor is a vertex, and not for graphs of places, which lie on the middle lines.
@@ -17,16 +17,13 @@ use crate::partition::{Partition, partition_from_labels};
 pub struct CorridorConfig {
     /// The border must be at least this wide, as a part of the higher of both peaks. In [0, 1]. Default 0.75.
     pub goes_on: f64,
-    /// ... and as a part of what the long side usually is. Positive. Default 0.85.
+    /// ... and as a part of what one of the sides usually is. Positive. Default 0.85.
     pub as_wide: f64,
-    /// A part is long if its area is at least this many times the square of its usual clearance. Positive. Default 6 (a square room has about 9 by
-    /// its mean clearance, a corridor three times as long as wide 12, and what lies between two junctions less).
-    pub elongation: f64,
 }
 
 impl Default for CorridorConfig {
     fn default() -> Self {
-        CorridorConfig { goes_on: 0.75, as_wide: 0.85, elongation: 6.0 }
+        CorridorConfig { goes_on: 0.75, as_wide: 0.85 }
     }
 }
 
@@ -39,9 +36,6 @@ pub enum CorridorError {
     /// `as_wide` is not positive and finite.
     #[error("as_wide {0} is not positive and finite")]
     AsWide(f64),
-    /// `elongation` is not positive and finite.
-    #[error("elongation {0} is not positive and finite")]
-    Elongation(f64),
     /// The partition or the areas are not those of this graph.
     #[error("{parts} part numbers and {areas} areas for {vertices} vertices")]
     Count {
@@ -60,15 +54,11 @@ impl CorridorConfig {
     /// # Errors
     /// [`CorridorError`] names the value that is wrong.
     pub fn validate(&self) -> Result<(), CorridorError> {
-        let is_positive = |value: f64| value.is_finite() && value > 0.0;
         if !(0.0..=1.0).contains(&self.goes_on) {
             return Err(CorridorError::GoesOn(self.goes_on));
         }
-        if !is_positive(self.as_wide) {
+        if !(self.as_wide.is_finite() && self.as_wide > 0.0) {
             return Err(CorridorError::AsWide(self.as_wide));
-        }
-        if !is_positive(self.elongation) {
-            return Err(CorridorError::Elongation(self.elongation));
         }
         Ok(())
     }
@@ -142,10 +132,10 @@ struct Shape {
 }
 
 impl Shape {
-    /// Whether this is a long part that is as wide as the border nearly everywhere.
+    /// Whether this part is hardly wider than the border anywhere.
     fn leads_to(&self, saddle: f64, config: &CorridorConfig) -> bool {
         let usual = 2.0 * self.volume / self.area;
-        saddle >= config.as_wide * usual && self.area >= config.elongation * usual * usual
+        saddle >= config.as_wide * usual
     }
 }
 
@@ -217,7 +207,6 @@ mod tests {
         let fine = CorridorConfig::default();
         assert_eq!(refuse(CorridorConfig { goes_on: 1.5, ..fine }), CorridorError::GoesOn(1.5));
         assert_eq!(refuse(CorridorConfig { as_wide: 0.0, ..fine }), CorridorError::AsWide(0.0));
-        assert!(matches!(refuse(CorridorConfig { elongation: f64::NAN, ..fine }), CorridorError::Elongation(_)));
         let error = join_corridors(&graph, &areas[1..], &cut, &fine).expect_err("refused");
         assert!(matches!(error, CorridorError::Count { .. }));
         let empty = Graph::new(vec![], vec![], None).expect("valid");

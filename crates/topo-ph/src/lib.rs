@@ -37,6 +37,7 @@
 //! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than the smaller side;
 //!    [`join_corridors`] makes corridors whole that it cut at their junctions (images only).
 //! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
+//!    [`EditableGraph`] keeps the barcode of a graph that changes.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
 //!
 //! # Conventions
@@ -45,7 +46,7 @@
 //! output, to the byte.
 //!
 //! # What it does not do
-//! It knows no rooms, metres or robots; dimension 0 (and the births of cycles) only; no incremental updates.
+//! It knows no rooms, metres or robots; dimension 0 (and the births of cycles) only.
 //!
 //! # References
 //! - Hughes et al., "Foundations of Spatial Perception for Robotics", IJRR 2024 (room finding by persistent homology).
@@ -61,6 +62,7 @@ pub mod distance;
 pub mod graph;
 pub mod grow;
 pub mod identity;
+pub mod incremental;
 pub mod merge_tree;
 mod order;
 pub mod partition;
@@ -77,6 +79,7 @@ pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;
 pub use identity::{IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts};
+pub use incremental::{EditError, EditableGraph};
 pub use merge_tree::{MergeNode, MergeTree};
 pub use partition::{Border, Part, Partition};
 pub use pinch::{PinchConfig, PinchError, pinch};
