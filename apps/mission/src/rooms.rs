@@ -5,8 +5,7 @@
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 
 use nalgebra::{Point2, Point3};
-use thiserror::Error;
-use topo_ph::{CorridorConfig, CorridorError, PinchConfig, PinchError, grid_graph, join_corridors, pinch};
+use topo_ph::{PinchConfig, PinchError, grid_graph, pinch};
 use volumetric_map::{OccupancyGrid, clearance, fill_islands};
 
 /// How rooms are cut out of the slice.
@@ -16,38 +15,20 @@ pub struct RoomConfig {
     pub island_area_m2: f64,
     /// ... if no side of their box is longer than this, default 1.2 m.
     pub island_side_m: f64,
-    /// Ratio of the pinch, default 0.88.
+    /// Ratio of the pinch to the smaller room, default 0.88.
     pub rho: f64,
+    /// Ratio of the pinch to the larger room, default 0.75.
+    pub sigma: f64,
     /// Prominence of a room, default 0.07 m.
     pub tau_m: f64,
     /// Smallest room, default 1.5 m².
     pub min_area_m2: f64,
-    /// How corridors become whole that were cut at their junctions; `None`: they stay cut.
-    pub corridors: Option<CorridorConfig>,
 }
 
 impl Default for RoomConfig {
     fn default() -> Self {
-        Self {
-            island_area_m2: 1.0,
-            island_side_m: 1.2,
-            rho: 0.88,
-            tau_m: 0.07,
-            min_area_m2: 1.5,
-            corridors: Some(CorridorConfig::default()),
-        }
+        Self { island_area_m2: 1.0, island_side_m: 1.2, rho: 0.88, sigma: 0.75, tau_m: 0.07, min_area_m2: 1.5 }
     }
-}
-
-/// A [`RoomConfig`] that makes no sense.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum RoomConfigError {
-    /// Of the cutting.
-    #[error(transparent)]
-    Pinch(#[from] PinchError),
-    /// Of the corridors.
-    #[error(transparent)]
-    Corridors(#[from] CorridorError),
 }
 
 /// The free part of a slice, cut into rooms.
@@ -86,8 +67,8 @@ impl RoomMap {
     /// Cuts `slice` into rooms. An empty slice has none.
     ///
     /// # Errors
-    /// [`RoomConfigError`] if the configuration makes no sense.
-    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, RoomConfigError> {
+    /// [`PinchError`] if the configuration makes no sense.
+    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, PinchError> {
         // 1. Furniture that stands alone is filled.
         let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
         // 2. Clearance of every free cell; what nobody saw counts as a wall.
@@ -97,11 +78,9 @@ impl RoomMap {
         // 4. The partition.
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];
-        let pinch_config = PinchConfig { rho: config.rho, tau: config.tau_m, min_area: config.min_area_m2 };
-        let mut partition = pinch(&graph, &areas, &pinch_config)?;
-        if let Some(corridors) = &config.corridors {
-            partition = join_corridors(&graph, &areas, &partition, corridors)?;
-        }
+        let pinch_config =
+            PinchConfig { rho: config.rho, sigma: config.sigma, tau: config.tau_m, min_area: config.min_area_m2 };
+        let partition = pinch(&graph, &areas, &pinch_config)?;
 
         let center_of = |vertex: u32| {
             let cell = cell_of_vertex[vertex as usize] as usize;

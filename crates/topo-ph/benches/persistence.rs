@@ -4,7 +4,7 @@
 //! The graphs are grids with noise, half of the diagonals, and edges in no order: mean degree 5, as places in a building have.
 
 use divan::{Bencher, black_box};
-use topo_ph::{CorridorConfig, Graph, PinchConfig, barcode, deaths, grid_graph, join_corridors, pinch};
+use topo_ph::{Graph, PinchConfig, barcode, deaths, grid_graph, pinch};
 
 fn main() {
     divan::main();
@@ -83,7 +83,6 @@ fn rooms_of_a_floor(bencher: Bencher) {
     bencher.bench_local(|| {
         let (graph, _) = grid_graph(black_box(&clearance), side);
         let areas = vec![0.0025; graph.len()];
-        let cut = pinch(&graph, &areas, &PinchConfig::default()).expect("valid");
-        join_corridors(&graph, &areas, &cut, &CorridorConfig::default()).expect("valid")
+        pinch(&graph, &areas, &PinchConfig::default()).expect("valid")
     });
 }

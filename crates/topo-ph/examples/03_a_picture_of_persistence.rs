@@ -7,7 +7,7 @@
 
 use std::fmt::Write as _;
 
-use topo_ph::{Bar, CorridorConfig, Graph, MergeTree, PinchConfig, barcode, grid_graph, join_corridors, pinch};
+use topo_ph::{Bar, Graph, MergeTree, PinchConfig, barcode, grid_graph, pinch};
 
 const CELL_M: f32 = 0.1;
 const WIDTH: usize = 140;
@@ -45,8 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     bars.retain(|bar| bar.persistence() >= SHORTEST_M);
     let tree = MergeTree::new(&graph);
     let areas = vec![f64::from(CELL_M * CELL_M); graph.len()];
-    let cut = pinch(&graph, &areas, &PinchConfig { rho: 0.88, tau: 0.07, ..PinchConfig::default() })?;
-    let rooms = join_corridors(&graph, &areas, &cut, &CorridorConfig::default())?;
+    let rooms = pinch(&graph, &areas, &PinchConfig::default())?;
     assert_eq!(rooms.parts.len(), 6, "five rooms and the corridor");
 
     // 3. A bar has the colour of the room in which its peak stands.

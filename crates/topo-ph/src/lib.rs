@@ -34,8 +34,7 @@
 //!    [`deaths()`] is the same as one number a vertex, without sorting edges, for graphs of millions.
 //! 3. [`betti_curve`] sweeps over births and deaths; [`plateau()`] picks the longest stable count (Eq. 5) and
 //!    [`plateau_partition`] grows its components over the whole graph.
-//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than the smaller side;
-//!    [`join_corridors`] makes corridors whole that it cut at their junctions (images only).
+//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides.
 //! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
 //!    [`EditableGraph`] keeps the barcode of a graph that changes.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
@@ -56,7 +55,6 @@
 mod assignment;
 pub mod barcode;
 pub mod betti;
-pub mod corridor;
 pub mod deaths;
 pub mod distance;
 pub mod graph;
@@ -73,7 +71,6 @@ mod union_find;
 
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
 pub use betti::{BettiCurve, Interval, betti_curve};
-pub use corridor::{CorridorConfig, CorridorError, join_corridors};
 pub use deaths::deaths;
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
