@@ -33,7 +33,10 @@ mod tests {
             let filled: Vec<u8> = (0..40_000_000_u32).map(|i| i as u8 | 1).collect();
             filled.iter().map(|v| u64::from(*v)).sum::<u64>()
         });
-        let extra = extra.expect("Linux says");
+        let Some(extra) = extra else {
+            println!("skipped: the system does not let the peak be set back");
+            return;
+        };
         assert!(sum > 0 && (3e7..8e7).contains(&extra), "{extra}");
     }
 }
