@@ -1,4 +1,7 @@
-//! `omnivln rooms MAP.png --out labels.png`: a floor plan cut into rooms as the robots do it, or a graph of places.
+//! `omnivln rooms MAP.png --out labels.png`: a floor plan cut into rooms, or a graph of places.
+//!
+//! The code is that of the robots (`mission::rooms`), with the numbers that are best on floor plans; missions still use older ones
+//! (`MissionConfig::rooms`).
 
 use std::fs;
 use std::io::Cursor;

@@ -5,7 +5,7 @@
 //! components of its earlier neighbours. Vertices are named by their rank meanwhile, so "older" is "smaller" and a root is its
 //! component's founder. The time goes into waiting for memory, so edges are not put into rows here and there: they are dealt to a thousand
 //! vertices at a time, which is writing along as many lines, and sorted there, in the cache. Beside the input that takes 36 bytes a vertex
-//! while those are sorted, then 8 a vertex and 8 an edge.
+//! while those are sorted, and at most 16 a vertex and 8 an edge then.
 
 use crate::Graph;
 use crate::barcode::barcode;

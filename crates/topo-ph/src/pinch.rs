@@ -2,7 +2,7 @@
 //!
 //! Edges enter from wide to narrow. When an edge joins two regions of peaks P >= p, they keep their border iff the saddle s satisfies
 //! s <= rho p and s <= sigma P (pinched: the way is narrower than the smaller room, and clearly narrower than the larger)
-//! and p - s >= tau (prominent: not noise). Otherwise the regions merge. The second half of the first condition keeps corridors whole: a corridor is
+//! and p - s >= tau (prominent: not noise). Otherwise the regions merge. The second half of the first condition keeps corridors together: a corridor is
 //! 1.25 times as wide at a T as along its way, so two junctions look like two rooms with a door of 0.8 between them. This is ToMATo
 //! (Chazal et al. 2013) with a relative merge predicate, so that a 0.8 m door and a 2 m opening need not share one threshold. Regions
 //! below `min_area` are absorbed afterwards across their widest border.
@@ -258,5 +258,7 @@ mod tests {
         assert!(matches!(pinch(&graph, &[1.0, f64::NAN], &config), Err(PinchError::Area { vertex: 1 })));
         let bad = PinchConfig { rho: f64::NAN, ..config };
         assert!(matches!(pinch(&graph, &[1.0, 1.0], &bad), Err(PinchError::Rho { .. })));
+        let bad = PinchConfig { sigma: 1.1, ..config };
+        assert!(matches!(pinch(&graph, &[1.0, 1.0], &bad), Err(PinchError::Sigma { .. })));
     }
 }

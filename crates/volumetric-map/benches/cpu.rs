@@ -43,15 +43,23 @@ impl Stage {
 
 fn main() {
     live_map();
-    for clearing in ["band only", "rays walked", "free space looked up"] {
+    for clearing in [Clearing::BandOnly, Clearing::RaysWalked, Clearing::LookedUp] {
         sparse_scans(clearing);
     }
     thirty_rooms();
 }
 
+/// How free space is found.
+#[derive(Debug, Clone, Copy)]
+enum Clearing {
+    BandOnly,
+    RaysWalked,
+    LookedUp,
+}
+
 /// The sequence of issue 4: 64 x 1024 rays from a sensor at eye height, 1.6 m between scans, labels, everything brought up to date after
 /// each scan; 5 cm voxels, 10 cm cells, truncation 0.20 m.
-fn sparse_scans(clearing: &str) {
+fn sparse_scans(clearing: Clearing) {
     let world = World::flat();
     let mut lidar = Lidar::new(64, 1024, 0.01, 7);
     (lidar.tilt_rad, lidar.motor_radps, lidar.fov_rad) = (0.0, 0.0, 90f64.to_radians());
@@ -70,9 +78,9 @@ fn sparse_scans(clearing: &str) {
         let origin = pose.translation.vector.into();
         returns += points.len();
         let report = integrate.time(|| match clearing {
-            "band only" => volume.integrate_band(&origin, &points),
-            "rays walked" => volume.integrate(&origin, &points),
-            _ => volume.integrate_organised(&(pose * lidar.mount()), &beams, &points),
+            Clearing::BandOnly => volume.integrate_band(&origin, &points),
+            Clearing::RaysWalked => volume.integrate(&origin, &points),
+            Clearing::LookedUp => volume.integrate_organised(&(pose * lidar.mount()), &beams, &points),
         });
         assert_eq!(report.unwrap().refused_blocks, 0);
         votes.time(|| volume.vote_labels(&labelled));
@@ -85,7 +93,7 @@ fn sparse_scans(clearing: &str) {
     let scans = integrate.samples.len();
     let seconds = integrate.samples.iter().sum::<f64>() * 1e-3;
     println!(
-        "\nsparse scans, {clearing}: {scans} scans, {:.2} million points per CPU second, {:.1} bytes per observed voxel",
+        "\nsparse scans, {clearing:?}: {scans} scans, {:.2} million points per CPU second, {:.1} bytes per observed voxel",
         returns as f64 * 1e-6 / seconds,
         volume.memory_bytes() as f64 / volume.observed_voxels() as f64
     );
