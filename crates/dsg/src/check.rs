@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3};
 
 use crate::object::Object;
 use crate::op::OpError;
+use crate::place::{Place, PlaceEdge};
 
 pub(crate) fn check_object(object: &Object) -> Result<(), OpError> {
     let bad = |field| Err(OpError::BadNumber { node: "object", field });
@@ -38,4 +39,14 @@ pub(crate) fn check_pose(pose: &Isometry3<f64>) -> Result<(), OpError> {
     let rotation = pose.rotation.coords.iter().all(|x| x.is_finite());
     check_point("agent", "world_from_body", &pose.translation.vector.into())?;
     if rotation { Ok(()) } else { Err(OpError::BadNumber { node: "agent", field: "world_from_body" }) }
+}
+
+pub(crate) fn check_place(place: &Place) -> Result<(), OpError> {
+    check_point("place", "position", &place.position)?;
+    check_range("place", "clearance_m", place.clearance_m, 0.0)
+}
+
+pub(crate) fn check_place_edge(edge: &PlaceEdge) -> Result<(), OpError> {
+    check_range("place edge", "clearance_m", edge.clearance_m, 0.0)?;
+    if edge.a == edge.b { Err(OpError::SelfJoin) } else { Ok(()) }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::apply::Edit;
-use crate::check::{check_point, check_range};
+use crate::check::{check_place, check_place_edge, check_point, check_range};
 use crate::group::Group;
 use crate::ids::{PlaceId, RoomId};
 use crate::object::Object;
@@ -13,8 +13,7 @@ use crate::room::{Building, Room, RoomEdge};
 
 impl Edit<'_> {
     pub(crate) fn put_place(&mut self, mut place: Place) -> Result<(), OpError> {
-        check_point("place", "position", &place.position)?;
-        check_range("place", "clearance_m", place.clearance_m, 0.0)?;
+        check_place(&place)?;
         place.room = self.graph.place(place.id).and_then(|known| known.room);
         self.set_place(place.id, Some(place));
         Ok(())
@@ -39,11 +38,8 @@ impl Edit<'_> {
     }
 
     pub(crate) fn put_place_edge(&mut self, edge: PlaceEdge) -> Result<(), OpError> {
-        check_range("place edge", "clearance_m", edge.clearance_m, 0.0)?;
+        check_place_edge(&edge)?;
         let (a, b) = (edge.a.min(edge.b), edge.a.max(edge.b));
-        if a == b {
-            return Err(OpError::SelfJoin);
-        }
         for id in [a, b] {
             self.graph.place(id).ok_or(OpError::NoPlace(id))?;
         }

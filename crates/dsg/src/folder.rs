@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::file::{MeshReference, document, read_document};
+use crate::faults::Faults;
+use crate::file::{MeshReference, read_document, write_document};
 use crate::graph::SceneGraph;
 use crate::load::{LoadError, MAX_BYTES};
 use crate::oplog::{log_to_lines, read_log};
@@ -57,7 +58,7 @@ pub fn save(dir: &Path, graph: &SceneGraph, mesh: Option<&MeshPly>) -> Result<()
             if path.exists() {
                 rename(&path, &dir.join(PREVIOUS_MESH_FILE))?;
             }
-            write_atomically(&path, mesh.bytes)?;
+            write_atomically(&path, |file| file.write_all(mesh.bytes))?;
             let (vertices, faces) = (mesh.vertices, mesh.faces);
             Some(MeshReference { file: MESH_FILE.to_owned(), sha256, vertices, faces })
         }
@@ -65,8 +66,8 @@ pub fn save(dir: &Path, graph: &SceneGraph, mesh: Option<&MeshPly>) -> Result<()
     };
     // An old log beside a new graph would be refused; no log is always right.
     remove_if_there(&dir.join(LOG_FILE))?;
-    write_atomically(&dir.join(GRAPH_FILE), &document(graph, reference.as_ref()))?;
-    write_atomically(&dir.join(LOG_FILE), &log_to_lines(graph))?;
+    write_atomically(&dir.join(GRAPH_FILE), |file| write_document(graph, reference.as_ref(), file))?;
+    write_atomically(&dir.join(LOG_FILE), |file| file.write_all(&log_to_lines(graph)))?;
     remove_if_there(&dir.join(PREVIOUS_MESH_FILE))?;
     if mesh.is_none() {
         remove_if_there(&dir.join(MESH_FILE))?;
@@ -79,7 +80,7 @@ pub fn save(dir: &Path, graph: &SceneGraph, mesh: Option<&MeshPly>) -> Result<()
 /// # Errors
 /// What [`crate::graph_from_json`] reports of graph.json, a damaged ops.log, a missing mesh or one with another checksum.
 pub fn load(dir: &Path) -> Result<Loaded, LoadError> {
-    let (mut graph, reference) = read_document(&read(&dir.join(GRAPH_FILE))?)?;
+    let (mut graph, reference) = read_document(&read(&dir.join(GRAPH_FILE))?, &mut Faults::fatal())?;
     let log = dir.join(LOG_FILE);
     if log.exists() {
         read_log(&mut graph, &read(&log)?)?;
@@ -114,14 +115,13 @@ fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
 }
 
 /// Writes beside, syncs, renames, syncs the folder.
-fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), LoadError> {
+fn write_atomically(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), LoadError> {
     let temporary = path.with_extension("tmp");
-    let write = || -> io::Result<()> {
-        let mut file = File::create(&temporary)?;
-        file.write_all(bytes)?;
+    let result = File::create(&temporary).and_then(|mut file| {
+        write(&mut file)?;
         file.sync_all()
-    };
-    if let Err(source) = write() {
+    });
+    if let Err(source) = result {
         // Best effort: the error that matters is the first.
         let _ = fs::remove_file(&temporary);
         return Err(io_error(&temporary, source));

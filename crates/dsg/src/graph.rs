@@ -64,6 +64,15 @@ impl Default for NextIds {
 }
 
 impl SceneGraph {
+    /// Makes the index of neighbours anew from the edges, after many were put in at once.
+    pub(crate) fn index_place_edges(&mut self) {
+        let mut ends: Vec<(PlaceId, PlaceId)> = Vec::with_capacity(2 * self.place_edges.len());
+        ends.extend(self.place_edges.keys().flat_map(|&(a, b)| [(a, b), (b, a)]));
+        ends.sort_unstable();
+        let of_one = ends.chunk_by(|x, y| x.0 == y.0);
+        self.place_neighbours = of_one.map(|ends| (ends[0].0, ends.iter().map(|end| end.1).collect())).collect();
+    }
+
     /// An empty graph at revision 0.
     pub fn new() -> SceneGraph {
         SceneGraph::default()

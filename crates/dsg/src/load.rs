@@ -159,6 +159,10 @@ pub(crate) struct Cursor<'v, 'p> {
 #[derive(Debug, Clone, Copy)]
 enum Step<'v> {
     Root,
+    /// The item of a list of the document.
+    Record(&'v str, usize),
+    /// A field of the document.
+    Field(&'v str),
     Key(&'v str),
     Index(usize),
 }
@@ -166,6 +170,16 @@ enum Step<'v> {
 impl<'v, 'p> Cursor<'v, 'p> {
     pub fn root(value: &'v Value) -> Cursor<'v, 'v> {
         Cursor { value, parent: None, step: Step::Root }
+    }
+
+    /// A record of a list of the document, parsed by itself.
+    pub fn record(value: &'v Value, list: &'v str, index: usize) -> Cursor<'v, 'v> {
+        Cursor { value, parent: None, step: Step::Record(list, index) }
+    }
+
+    /// A field of the document, parsed by itself.
+    pub fn field(value: &'v Value, name: &'v str) -> Cursor<'v, 'v> {
+        Cursor { value, parent: None, step: Step::Field(name) }
     }
 
     /// The path from the root.
@@ -180,6 +194,8 @@ impl<'v, 'p> Cursor<'v, 'p> {
         for step in steps.iter().rev() {
             match step {
                 Step::Root => path.push('$'),
+                Step::Record(list, index) => path.push_str(&format!("$.{list}[{index}]")),
+                Step::Field(name) => path.push_str(&format!("$.{name}")),
                 Step::Key(key) => {
                     path.push('.');
                     // A hostile key may be long.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3};
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::agent::{Agent, AgentPose};
@@ -112,15 +113,37 @@ pub(crate) fn metadata(at: &Cursor) -> Result<Map<String, Value>, LoadError> {
 /// Fields of a place record.
 pub(crate) const PLACE: &[&str] = &["id", "position", "clearance_m", "basis_points", "frontier_cells", "room"];
 
+/// A place as it stands in the file.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlaceRecord {
+    id: PlaceId,
+    position: [f64; 3],
+    clearance_m: f64,
+    #[serde(default)]
+    basis_points: u8,
+    #[serde(default)]
+    frontier_cells: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    room: Option<RoomId>,
+}
+
+impl From<&Place> for PlaceRecord {
+    fn from(place: &Place) -> PlaceRecord {
+        let &Place { id, position, clearance_m, basis_points, frontier_cells, room } = place;
+        PlaceRecord { id, position: position.into(), clearance_m, basis_points, frontier_cells, room }
+    }
+}
+
+impl From<PlaceRecord> for Place {
+    fn from(record: PlaceRecord) -> Place {
+        let PlaceRecord { id, position, clearance_m, basis_points, frontier_cells, room } = record;
+        Place { id, position: position.into(), clearance_m, basis_points, frontier_cells, room }
+    }
+}
+
 pub(crate) fn from_place(place: &Place) -> Map<String, Value> {
-    record(json!({
-        "id": place.id,
-        "position": point(&place.position),
-        "clearance_m": place.clearance_m,
-        "basis_points": place.basis_points,
-        "frontier_cells": place.frontier_cells,
-        "room": place.room,
-    }))
+    record(json!(PlaceRecord::from(place)))
 }
 
 pub(crate) fn place(at: &Cursor) -> Result<Place, LoadError> {
@@ -137,8 +160,30 @@ pub(crate) fn place(at: &Cursor) -> Result<Place, LoadError> {
 /// Fields of a place edge record.
 pub(crate) const PLACE_EDGE: &[&str] = &["a", "b", "clearance_m"];
 
+/// A place edge as it stands in the file.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlaceEdgeRecord {
+    a: PlaceId,
+    b: PlaceId,
+    clearance_m: f64,
+}
+
+impl From<&PlaceEdge> for PlaceEdgeRecord {
+    fn from(edge: &PlaceEdge) -> PlaceEdgeRecord {
+        PlaceEdgeRecord { a: edge.a, b: edge.b, clearance_m: edge.clearance_m }
+    }
+}
+
+impl From<PlaceEdgeRecord> for PlaceEdge {
+    fn from(record: PlaceEdgeRecord) -> PlaceEdge {
+        let PlaceEdgeRecord { a, b, clearance_m } = record;
+        PlaceEdge { a: a.min(b), b: a.max(b), clearance_m }
+    }
+}
+
 pub(crate) fn from_place_edge(edge: &PlaceEdge) -> Map<String, Value> {
-    record(json!({ "a": edge.a, "b": edge.b, "clearance_m": edge.clearance_m }))
+    record(json!(PlaceEdgeRecord::from(edge)))
 }
 
 pub(crate) fn place_edge(at: &Cursor) -> Result<PlaceEdge, LoadError> {
