@@ -24,6 +24,9 @@ pub(crate) fn check_object(object: &Object) -> Result<(), OpError> {
     if object.first_seen_ns > object.last_seen_ns {
         return bad("last_seen_ns");
     }
+    if !crate::presence::is_sound(&object.presence, &object.trajectory) {
+        return bad("presence or trajectory");
+    }
     Ok(())
 }
 

@@ -41,7 +41,8 @@ impl Edit<'_> {
         check_pose(motion)?;
         for object in self.graph.objects.values().cloned().collect::<Vec<_>>() {
             let bounds = object.bounds.transformed(motion);
-            let moved = Object { bounds, centroid: bounds.center(), ..(*object).clone() };
+            let mut moved = Object { bounds, centroid: bounds.center(), ..(*object).clone() };
+            moved.trajectory.iter_mut().for_each(|point| point.position = motion * point.position);
             check_object(&moved)?;
             self.set_object(object.id, Some(Arc::new(moved)));
         }

@@ -8,6 +8,7 @@ use crate::group::Group;
 use crate::ids::{GroupId, ObjectId};
 use crate::object::Object;
 use crate::op::OpError;
+use crate::presence;
 use crate::relation::{Relation, RelationKey, Verdict};
 
 impl Edit<'_> {
@@ -35,13 +36,9 @@ impl Edit<'_> {
     }
 
     pub(crate) fn remove_relations_of(&mut self, id: ObjectId) {
-        let keys: Vec<RelationKey> = self
-            .graph
-            .relations
-            .keys()
-            .filter(|(a, _, b, c)| *a == id || *b == id || *c == Some(id))
-            .copied()
-            .collect();
+        let as_subject = self.graph.relations_from(id).map(Relation::key);
+        let as_object = self.graph.relations_to.get(&id).into_iter().flatten().copied();
+        let keys: Vec<RelationKey> = as_subject.chain(as_object).collect();
         for key in keys {
             self.set_relation(key, None);
         }
@@ -68,6 +65,10 @@ impl Edit<'_> {
         merged.color = merged.color.or(gone.color);
         merged.bounds = merged.bounds.union(&gone.bounds);
         merged.centroid = merged.bounds.center();
+        if !(merged.presence.is_empty() && gone.presence.is_empty()) {
+            merged.presence = presence::union(&merged.presence(), &gone.presence());
+        }
+        merged.trajectory = presence::merged(&merged.trajectory, &gone.trajectory);
         merged.first_seen_ns = merged.first_seen_ns.min(gone.first_seen_ns);
         merged.last_seen_ns = merged.last_seen_ns.max(gone.last_seen_ns);
         merged.observations = merged.observations.saturating_add(gone.observations);

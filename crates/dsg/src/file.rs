@@ -63,11 +63,7 @@ pub fn graph_from_json(bytes: &[u8]) -> Result<SceneGraph, LoadError> {
     read_document(bytes, &mut Faults::fatal()).map(|(graph, _)| graph)
 }
 
-pub(crate) fn write_document(
-    graph: &SceneGraph,
-    mesh: Option<&MeshReference>,
-    out: &mut impl Write,
-) -> io::Result<()> {
+pub(crate) fn write_document(graph: &SceneGraph, mesh: Option<&MeshReference>, out: &mut impl Write) -> io::Result<()> {
     let mut head = Map::new();
     head.insert("schema".into(), json!(SCHEMA));
     head.insert("version".into(), json!({ "major": MAJOR, "minor": MINOR }));
@@ -199,11 +195,14 @@ pub(crate) fn read_document(
     let mut loader = Loader { document: &document, graph: SceneGraph::new(), faults };
     loader.head()?;
     loader.nodes()?;
-    let mut graph = loader.graph;
+    let Loader { mut graph, faults, .. } = loader;
     graph.index_place_edges();
-    graph.revision = graph.revision.max(read_field(&document, "revision", |c| c.u64())?.unwrap_or(0));
+    graph.revision = read_field(&document, "revision", |c| c.u64())?.unwrap_or(0);
     graph.clear_log();
-    let mesh = read_field(&document, "mesh", mesh_reference)?;
+    let mesh = match read_field(&document, "mesh", mesh_reference) {
+        Ok(mesh) => mesh,
+        Err(fault) => faults.instead(fault)?,
+    };
     Ok((graph, mesh))
 }
 
@@ -235,6 +234,12 @@ pub(crate) fn read_field<T>(
     if value.is_null() { Ok(None) } else { read(&Cursor::field(&value, name)).map(Some) }
 }
 
+/// The mesh that a document names, whatever else is in it.
+pub(crate) fn named_mesh(bytes: &[u8]) -> Option<MeshReference> {
+    let (document, _) = Document::scan(bytes);
+    read_field(&document, "mesh", mesh_reference).ok().flatten()
+}
+
 fn mesh_reference(mesh: &Cursor) -> Result<MeshReference, LoadError> {
     let file = mesh.get("file")?;
     // Only a plain name: a graph file must not make us read elsewhere.
@@ -261,8 +266,9 @@ impl Loader<'_, '_> {
     /// Metadata, ids, and what a newer version has put beside the lists.
     fn head(&mut self) -> Result<(), LoadError> {
         let document = self.document;
-        self.graph.metadata =
-            read_field(document, "metadata", |c| c.map().cloned()).or_else(|e| self.faults.instead(e))?.unwrap_or_default();
+        self.graph.metadata = read_field(document, "metadata", |c| c.map().cloned())
+            .or_else(|e| self.faults.instead(e))?
+            .unwrap_or_default();
         if let Some(ids) = read_field(document, "next_ids", next_ids).or_else(|e| self.faults.instead(e))? {
             self.graph.next = ids;
         }
@@ -441,9 +447,8 @@ impl Loader<'_, '_> {
     ) -> Result<(), LoadError> {
         let document = self.document;
         for (index, span) in document.items(name).unwrap_or_default().iter().enumerate() {
-            let result = document
-                .parse(document.text(*span))
-                .and_then(|value| read(self, &Cursor::record(&value, name, index)));
+            let result =
+                document.parse(document.text(*span)).and_then(|value| read(self, &Cursor::record(&value, name, index)));
             if let Err(error) = result {
                 self.faults.note(error)?;
             }
@@ -463,7 +468,7 @@ fn insert<K: Ord, V>(map: &mut BTreeMap<K, V>, key: K, value: V) -> bool {
     }
 }
 
-fn next_ids(at: &Cursor) -> Result<NextIds, LoadError> {
+pub(crate) fn next_ids(at: &Cursor) -> Result<NextIds, LoadError> {
     let field = |name| at.get(name)?.u64().map(|next: u64| next.max(1));
     Ok(NextIds { object: field("object")?, room: field("room")?, group: field("group")? })
 }

@@ -217,10 +217,15 @@ impl SceneGraph {
 
     /// The relations that hold with this object on any side.
     pub fn relations_of(&self, id: ObjectId) -> impl Iterator<Item = &Relation> {
-        let first = (id, crate::relation::RelationKind::Near, ObjectId(0), None);
-        let as_subject = self.relations.range(first..).take_while(move |(key, _)| key.0 == id).map(|(_, r)| r);
+        let as_subject = self.relations_from(id);
         let as_object = self.relations_to.get(&id).into_iter().flatten().filter_map(|key| self.relations.get(key));
         as_subject.chain(as_object).filter(|relation| relation.evidence.verdict == Verdict::Holds)
+    }
+
+    /// All relations whose subject it is, dropped ones too.
+    pub(crate) fn relations_from(&self, id: ObjectId) -> impl Iterator<Item = &Relation> {
+        let first = (id, crate::relation::RelationKind::Near, ObjectId(0), None);
+        self.relations.range(first..).take_while(move |(key, _)| key.0 == id).map(|(_, relation)| relation)
     }
 
     /// The objects of a room.

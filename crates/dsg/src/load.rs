@@ -115,6 +115,24 @@ pub enum LoadError {
         /// Line number from 1.
         line: usize,
     },
+    /// The mesh in a JSON file is not one.
+    #[error(
+        "the mesh is broken at line {line} column {column}: points of three numbers, colours, labels, stamps and faces of three vertices are accepted"
+    )]
+    Mesh {
+        /// Line of the fault.
+        line: usize,
+        /// Column of the fault.
+        column: usize,
+    },
+    /// The mesh beside a graph is no PLY file that is read here.
+    #[error("{path:?}: {source}")]
+    MeshFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: crate::mesh::MeshError,
+    },
     /// The mesh that graph.json names is not there.
     #[error("{path:?} is missing")]
     MeshMissing {

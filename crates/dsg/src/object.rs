@@ -8,6 +8,7 @@ use serde_json::{Map, Value};
 
 use crate::bounds::Aabb;
 use crate::ids::{GroupId, ObjectId, PlaceId, RoomId};
+use crate::presence::{Presence, TrackPoint};
 
 /// An object node.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,12 +41,16 @@ pub struct Object {
     pub first_seen_ns: i64,
     /// Stamp of the last frame that showed it.
     pub last_seen_ns: i64,
+    /// When it was there, in order and apart; empty: from `first_seen_ns` to `last_seen_ns`.
+    pub presence: Vec<Presence>,
+    /// Where it was, by time, if it moves by itself; empty for everything that stays.
+    pub trajectory: Vec<TrackPoint>,
     /// Number of frames that showed it.
     pub observations: u32,
     /// Seen often and clearly enough to be believed (`AssociationConfig::confirm_observations`, `confirm_margin`).
     /// Objects from files and from users are confirmed.
     pub confirmed: bool,
-    /// Anything else, kept in files. `dynamic: true` marks a mover (person, pet).
+    /// Anything else, kept in files. `dynamic: true` marks a mover (person, pet) without a trajectory.
     pub metadata: Map<String, Value>,
 }
 
@@ -67,15 +72,25 @@ impl Object {
             group: None,
             first_seen_ns: 0,
             last_seen_ns: 0,
+            presence: Vec::new(),
+            trajectory: Vec::new(),
             observations: 1,
             confirmed: true,
             metadata: Map::new(),
         }
     }
 
-    /// Whether the object moves by itself (metadata `dynamic`).
+    /// Whether the object moves by itself (it has a trajectory, or metadata `dynamic`).
     pub fn is_dynamic(&self) -> bool {
-        self.metadata.get("dynamic").and_then(Value::as_bool).unwrap_or(false)
+        !self.trajectory.is_empty() || self.metadata.get("dynamic").and_then(Value::as_bool).unwrap_or(false)
+    }
+
+    /// When it was there, in order.
+    pub fn presence(&self) -> Vec<Presence> {
+        if self.presence.is_empty() {
+            return vec![Presence { first_ns: self.first_seen_ns, last_ns: self.last_seen_ns }];
+        }
+        self.presence.clone()
     }
 
     /// Share of the votes that `label` got, in `[0, 1]`.

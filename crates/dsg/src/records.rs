@@ -14,6 +14,7 @@ use crate::load::{Cursor, LoadError};
 use crate::memory::{Cell, ObjectMemory};
 use crate::object::Object;
 use crate::place::{Place, PlaceEdge};
+use crate::presence::{Presence, TrackPoint};
 use crate::relation::{Evidence, EvidenceSource, Relation, RelationKind, Verdict};
 use crate::room::{Building, Room, RoomEdge, Storey};
 
@@ -33,10 +34,14 @@ fn point(p: &Point3<f64>) -> Value {
 #[rustfmt::skip]
 pub(crate) const OBJECT: &[&str] = &[
     "id", "label", "label_margin", "votes", "caption", "color", "attributes", "centroid", "min", "max", "room", "place",
-    "group", "first_seen_ns", "last_seen_ns", "observations", "confirmed", "metadata",
+    "group", "first_seen_ns", "last_seen_ns", "presence", "trajectory", "observations", "confirmed", "metadata",
 ];
 
 pub(crate) fn from_object(object: &Object) -> Map<String, Value> {
+    let stretch = |p: &Presence| json!([p.first_ns, p.last_ns]);
+    let stretches = || object.presence.iter().map(stretch).collect::<Vec<_>>();
+    let track_point = |p: &TrackPoint| json!([p.stamp_ns, p.position.x, p.position.y, p.position.z]);
+    let trajectory = || object.trajectory.iter().map(track_point).collect::<Vec<_>>();
     record(json!({
         "id": object.id,
         "label": object.label,
@@ -53,6 +58,8 @@ pub(crate) fn from_object(object: &Object) -> Map<String, Value> {
         "group": object.group,
         "first_seen_ns": object.first_seen_ns,
         "last_seen_ns": object.last_seen_ns,
+        "presence": (!object.presence.is_empty()).then(stretches),
+        "trajectory": (!object.trajectory.is_empty()).then(trajectory),
         "observations": object.observations,
         "confirmed": object.confirmed,
         "metadata": object.metadata,
@@ -74,6 +81,27 @@ pub(crate) fn object(at: &Cursor) -> Result<Object, LoadError> {
             attributes.insert(key.clone(), value.to_owned());
         }
     }
+    let mut presence = Vec::new();
+    if let Some(list) = at.find("presence") {
+        for item in list.items()? {
+            let parts: Vec<Cursor> = item.items()?.collect();
+            let [first, last] = parts.as_slice() else {
+                return Err(item.wrong("a first and a last stamp"));
+            };
+            presence.push(Presence { first_ns: first.i64()?, last_ns: last.i64()? });
+        }
+    }
+    let mut trajectory = Vec::new();
+    if let Some(list) = at.find("trajectory") {
+        for item in list.items()? {
+            let parts: Vec<Cursor> = item.items()?.collect();
+            let [stamp, x, y, z] = parts.as_slice() else {
+                return Err(item.wrong("a stamp and three coordinates"));
+            };
+            let position = Point3::new(x.f64()?, y.f64()?, z.f64()?);
+            trajectory.push(TrackPoint { stamp_ns: stamp.i64()?, position });
+        }
+    }
     let bounds = Aabb { min: at.get("min")?.point()?, max: at.get("max")?.point()? };
     Ok(Object {
         id: ObjectId(at.get("id")?.u64()?),
@@ -90,6 +118,8 @@ pub(crate) fn object(at: &Cursor) -> Result<Object, LoadError> {
         group: at.find("group").map(|c| c.u64().map(GroupId)).transpose()?,
         first_seen_ns: at.find("first_seen_ns").map_or(Ok(0), |c| c.i64())?,
         last_seen_ns: at.find("last_seen_ns").map_or(Ok(0), |c| c.i64())?,
+        presence,
+        trajectory,
         observations: at.find("observations").map_or(Ok(1), |c| c.u32())?,
         confirmed: at.find("confirmed").map_or(Ok(true), |c| c.bool())?,
         metadata: metadata(at)?,

@@ -75,15 +75,18 @@ impl<'b> Document<'b> {
     /// A part of the document as a tree.
     pub fn parse(&self, part: &'b [u8]) -> Result<Value, LoadError> {
         serde_json::from_slice(part).map_err(|error| {
-            let start = part.as_ptr() as usize - self.bytes.as_ptr() as usize;
-            let (line, column) = position(self.bytes, start);
-            // The parser counts from the start of the part.
-            let first = error.line() <= 1;
-            LoadError::Syntax {
-                line: line + error.line().max(1) - 1,
-                column: if first { column + error.column().max(1) - 1 } else { error.column() },
-            }
+            let (line, column) = self.position(part, &error);
+            LoadError::Syntax { line, column }
         })
+    }
+
+    /// Line and column in the document of a parser's error in a part of it.
+    pub fn position(&self, part: &[u8], error: &serde_json::Error) -> (usize, usize) {
+        let start = part.as_ptr() as usize - self.bytes.as_ptr() as usize;
+        let (line, column) = position(self.bytes, start);
+        // The parser counts from the start of the part.
+        let column = if error.line() <= 1 { column + error.column().max(1) - 1 } else { error.column() };
+        (line + error.line().max(1) - 1, column)
     }
 }
 
@@ -114,6 +117,17 @@ fn position(bytes: &[u8], at: usize) -> (usize, usize) {
     let column = before.iter().rev().take_while(|byte| **byte != b'\n').count() + 1;
     (line, column)
 }
+
+/// Quotes and brackets.
+const IS_MARK: [bool; 256] = {
+    let mut marks = [false; 256];
+    let mut k = 0;
+    while k < 5 {
+        marks[b"\"{}[]"[k] as usize] = true;
+        k += 1;
+    }
+    marks
+};
 
 struct Scanner<'b> {
     bytes: &'b [u8],
@@ -191,41 +205,45 @@ impl Scanner<'_> {
 
     /// From a quote to behind its partner.
     fn string(&mut self) -> Result<(), Stop> {
-        let mut at = self.at + 1;
+        self.at += 1;
         loop {
-            match self.bytes.get(at) {
-                None => {
-                    self.at = self.bytes.len();
-                    return Err(Stop::End);
-                }
-                Some(b'"') => break,
-                Some(b'\\') => at += 2,
-                Some(_) => at += 1,
+            let rest = self.bytes.get(self.at..).unwrap_or_default();
+            let Some(length) = rest.iter().position(|byte| matches!(byte, b'"' | b'\\')) else {
+                self.at = self.bytes.len();
+                return Err(Stop::End);
+            };
+            self.at += length + 1;
+            if rest[length] == b'"' {
+                return Ok(());
             }
+            // What follows a backslash is not a quote that ends.
+            self.at += 1;
         }
-        self.at = at + 1;
-        Ok(())
     }
 
     /// From a bracket to behind its partner.
     fn nested(&mut self) -> Result<(), Stop> {
         let mut depth = 0_usize;
-        while let Some(&byte) = self.bytes.get(self.at) {
-            match byte {
+        loop {
+            let rest = &self.bytes[self.at..];
+            let Some(length) = rest.iter().position(|byte| IS_MARK[usize::from(*byte)]) else {
+                self.at = self.bytes.len();
+                return Err(Stop::End);
+            };
+            self.at += length;
+            match rest[length] {
                 b'"' => {
                     self.string()?;
                     continue;
                 }
                 b'{' | b'[' => depth += 1,
-                b'}' | b']' => depth -= 1,
-                _ => {}
+                _ => depth -= 1,
             }
             self.at += 1;
             if depth == 0 {
                 return Ok(());
             }
         }
-        Err(Stop::End)
     }
 
     /// The next byte that is not space, which stays.

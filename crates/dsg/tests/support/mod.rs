@@ -3,6 +3,8 @@
 
 #![allow(dead_code)]
 
+pub mod graphs;
+
 use dsg::ObjectEvidence;
 use nalgebra::{Isometry3, Point3, Vector3};
 
