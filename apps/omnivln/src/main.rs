@@ -3,6 +3,7 @@
 mod ask;
 mod barcode;
 mod bench;
+mod dsg;
 mod fuse;
 mod map;
 mod memory;
@@ -38,6 +39,9 @@ enum Command {
     Rooms(rooms::RoomsOptions),
     /// The persistent homology of a graph: when its components are born and die
     Barcode(barcode::BarcodeOptions),
+    /// Scene-graph files: what is in them, from and into spark_dsg, differences, faults, times
+    #[command(subcommand)]
+    Dsg(dsg::DsgCommand),
     /// Takes a simulated robot through a building and writes a bag of ROS 2 with masks, truth and tasks beside it
     Record(record::RecordOptions),
     /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
@@ -63,6 +67,7 @@ fn main() -> ExitCode {
         Command::Register(options) => register::run(&options),
         Command::Rooms(options) => rooms::run(&options),
         Command::Barcode(options) => barcode::run(&options),
+        Command::Dsg(command) => dsg::run(&command),
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),

@@ -4,9 +4,12 @@
 //! node and record the change. On an error the recorded changes are taken back in reverse. Consequences (a removed place leaves its room, its
 //! edges and its objects) are further `set_*` calls, so undo needs no rules of its own.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::graph::SceneGraph;
+use crate::ids::ObjectId;
+use crate::memory::ObjectMemory;
 use crate::op::{Change, Event, LoggedEvent, Op, OpError};
 
 /// Changes kept in the log before the older half is dropped: some ten minutes of a robot's run, a few megabytes.
@@ -15,11 +18,14 @@ const LOG_CHANGES: usize = 32_768;
 impl SceneGraph {
     /// Changes the graph, or fails and leaves it as it was. The revision rises by one unless nothing changed.
     pub fn apply(&mut self, op: Op) -> Result<Event, OpError> {
-        let mut edit = Edit { graph: self, changes: Vec::new() };
+        let mut edit = Edit { graph: self, changes: Vec::new(), points: None };
         if let Err(error) = edit.run(op) {
             let changes = std::mem::take(&mut edit.changes);
             for change in changes.iter().rev() {
                 edit.write(&change.inverse());
+            }
+            if let Some(points) = edit.points {
+                edit.graph.memory = points;
             }
             return Err(error);
         }
@@ -60,9 +66,17 @@ impl SceneGraph {
 pub(crate) struct Edit<'a> {
     pub(crate) graph: &'a mut SceneGraph,
     pub(crate) changes: Vec<Change>,
+    /// The builder's memory before it was forgotten.
+    points: Option<BTreeMap<ObjectId, ObjectMemory>>,
 }
 
 impl Edit<'_> {
+    /// Forgets the builder's points of all objects.
+    pub(crate) fn forget_points(&mut self) {
+        let points = std::mem::take(&mut self.graph.memory);
+        self.points.get_or_insert(points);
+    }
+
     fn run(&mut self, op: Op) -> Result<(), OpError> {
         match op {
             Op::PutObject(object) => self.put_object(*object),
@@ -108,9 +122,12 @@ impl Edit<'_> {
                 Ok(())
             }
             Op::Transform(motion) => self.transform(&motion),
+            Op::CorrectPoses(correction) => self.correct_poses(&correction),
             Op::Batch(ops) => ops.into_iter().try_for_each(|op| self.run(op)),
             Op::SetTo(changes) => {
                 changes.into_iter().try_for_each(|change| self.set_to(change))?;
+                // The builder's points may be those of another state.
+                self.forget_points();
                 // The states come from outside: together they must make a graph.
                 self.graph.check_invariants().map_err(|_| OpError::NotTheRecordedState)
             }
@@ -124,7 +141,7 @@ mod tests {
 
     use super::*;
     use crate::bounds::Aabb;
-    use crate::ids::{ObjectId, PlaceId, RoomId};
+    use crate::ids::{PlaceId, RoomId};
     use crate::object::Object;
     use crate::place::{Place, PlaceEdge};
     use crate::room::Room;

@@ -1,12 +1,14 @@
-//! Ops on robots, and the rigid motion of everything.
+//! Ops on robots, and the motion of everything: rigid, or by a corrected trajectory.
 
 use std::sync::Arc;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 use crate::agent::{Agent, AgentPose};
 use crate::apply::Edit;
-use crate::check::{check_object, check_pose};
+use crate::bounds::Aabb;
+use crate::check::{check_object, check_point, check_pose};
+use crate::correct::PoseCorrection;
 use crate::group::Group;
 use crate::ids::AgentId;
 use crate::object::Object;
@@ -14,6 +16,42 @@ use crate::op::{Change, OpError};
 use crate::place::Place;
 use crate::relation::Verdict;
 use crate::room::{Building, Room, RoomEdge};
+
+/// How things move.
+trait Motion {
+    fn point(&self, point: &Point3<f64>) -> Point3<f64>;
+    fn bounds(&self, bounds: &Aabb) -> Aabb;
+    /// The motion of what belongs to a moment: the poses of robots, the way of a mover.
+    fn at(&self, stamp_ns: i64) -> Isometry3<f64>;
+}
+
+impl Motion for Isometry3<f64> {
+    fn point(&self, point: &Point3<f64>) -> Point3<f64> {
+        self * point
+    }
+
+    fn bounds(&self, bounds: &Aabb) -> Aabb {
+        bounds.transformed(self)
+    }
+
+    fn at(&self, _stamp_ns: i64) -> Isometry3<f64> {
+        *self
+    }
+}
+
+impl Motion for PoseCorrection {
+    fn point(&self, point: &Point3<f64>) -> Point3<f64> {
+        self.moved(point).0
+    }
+
+    fn bounds(&self, bounds: &Aabb) -> Aabb {
+        self.moved_box(bounds)
+    }
+
+    fn at(&self, stamp_ns: i64) -> Isometry3<f64> {
+        self.motion_at(stamp_ns)
+    }
+}
 
 impl Edit<'_> {
     pub(crate) fn put_agent(&mut self, agent: Agent) -> Result<(), OpError> {
@@ -39,41 +77,60 @@ impl Edit<'_> {
 
     pub(crate) fn transform(&mut self, motion: &Isometry3<f64>) -> Result<(), OpError> {
         check_pose(motion)?;
+        self.move_all(motion)
+    }
+
+    pub(crate) fn correct_poses(&mut self, correction: &PoseCorrection) -> Result<(), OpError> {
+        self.move_all(correction)
+    }
+
+    /// Every node, box, pose and way by one motion.
+    fn move_all(&mut self, motion: &impl Motion) -> Result<(), OpError> {
         for object in self.graph.objects.values().cloned().collect::<Vec<_>>() {
-            let bounds = object.bounds.transformed(motion);
+            let bounds = motion.bounds(&object.bounds);
             let mut moved = Object { bounds, centroid: bounds.center(), ..(*object).clone() };
-            moved.trajectory.iter_mut().for_each(|point| point.position = motion * point.position);
+            moved.trajectory.iter_mut().for_each(|point| point.position = motion.at(point.stamp_ns) * point.position);
             check_object(&moved)?;
             self.set_object(object.id, Some(Arc::new(moved)));
         }
         for place in self.graph.places.values().copied().collect::<Vec<_>>() {
-            self.set_place(place.id, Some(Place { position: motion * place.position, ..place }));
+            let position = motion.point(&place.position);
+            check_point("place", "position", &position)?;
+            self.set_place(place.id, Some(Place { position, ..place }));
         }
         for room in self.graph.rooms.values().cloned().collect::<Vec<_>>() {
-            self.set_room(room.id, Some(Arc::new(Room { center: motion * room.center, ..(*room).clone() })));
+            self.set_room(room.id, Some(Arc::new(Room { center: motion.point(&room.center), ..(*room).clone() })));
         }
         for (key, edge) in self.graph.room_edges.clone() {
-            self.set_room_edge(key, Some(RoomEdge { doorway: motion * edge.doorway, ..edge }));
+            self.set_room_edge(key, Some(RoomEdge { doorway: motion.point(&edge.doorway), ..edge }));
         }
         for building in self.graph.buildings.values().cloned().collect::<Vec<_>>() {
-            let mut moved = Building { center: motion * building.center, ..(*building).clone() };
-            moved.storeys.iter_mut().for_each(|storey| storey.height_m += motion.translation.z);
+            let mut moved = Building { center: motion.point(&building.center), ..(*building).clone() };
+            for storey in &mut moved.storeys {
+                let at = Point3::new(building.center.x, building.center.y, storey.height_m);
+                storey.height_m = motion.point(&at).z;
+            }
             self.set_building(moved.id, Some(Arc::new(moved)));
         }
         for group in self.graph.groups.values().cloned().collect::<Vec<_>>() {
-            self.set_group(group.id, Some(Arc::new(Group { center: motion * group.center, ..(*group).clone() })));
+            self.set_group(group.id, Some(Arc::new(Group { center: motion.point(&group.center), ..(*group).clone() })));
         }
         for agent in self.graph.agents.values().cloned().collect::<Vec<_>>() {
             let mut moved = (*agent).clone();
-            moved.trajectory.iter_mut().for_each(|pose| pose.world_from_body = motion * pose.world_from_body);
+            moved
+                .trajectory
+                .iter_mut()
+                .for_each(|pose| pose.world_from_body = motion.at(pose.stamp_ns) * pose.world_from_body);
             self.set_agent(moved.id, Some(Arc::new(moved)));
         }
         for (key, mut relation) in self.graph.relations.clone() {
             if let Verdict::Blocked(point) = &mut relation.evidence.verdict {
-                *point = motion * *point;
+                *point = motion.point(point);
                 self.set_relation(key, Some(relation));
             }
         }
+        // The builder's points are those of the old places; the boxes, which are right, bring them back at the next look.
+        self.forget_points();
         Ok(())
     }
 }

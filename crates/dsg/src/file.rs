@@ -208,7 +208,7 @@ pub(crate) fn read_document(
 
 fn check_header(document: &Document) -> Result<(), LoadError> {
     let is_ours = read_field(document, "schema", |c| if c.str()? == SCHEMA { Ok(()) } else { Err(not_ours(c)) })?;
-    is_ours.ok_or_else(|| LoadError::Missing { path: crate::load::JsonPath("$.schema".into()) })?;
+    is_ours.ok_or_else(|| LoadError::Schema { path: crate::load::JsonPath("$.schema".into()) })?;
     let major = read_field(document, "version", |c| c.get("major")?.u64())?;
     let major = major.ok_or_else(|| LoadError::Missing { path: crate::load::JsonPath("$.version".into()) })?;
     if major > MAJOR {

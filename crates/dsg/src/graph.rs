@@ -259,6 +259,18 @@ impl SceneGraph {
         self.objects.len() + self.places.len() + self.rooms.len() + self.buildings.len() + poses
     }
 
+    /// Number of edges: between places, between rooms, relations that hold, from each node to its parent (object to place,
+    /// place to room, room to building), from each member to its group, and from pose to pose.
+    pub fn edge_count(&self) -> usize {
+        let placed = self.objects().filter(|object| object.place.is_some()).count();
+        let roomed = self.places().filter(|place| place.room.is_some()).count();
+        let housed: usize = self.buildings().map(|building| building.rooms.len()).sum();
+        let grouped: usize = self.groups().map(|group| group.members.len()).sum();
+        let steps: usize = self.agents().map(|agent| agent.trajectory.len().saturating_sub(1)).sum();
+        let within = self.place_edges.len() + self.room_edges.len() + self.relations().count();
+        within + placed + roomed + housed + grouped + steps
+    }
+
     /// Metadata of the graph as a whole.
     pub fn metadata(&self) -> &Map<String, Value> {
         &self.metadata

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 
 use crate::agent::{Agent, AgentPose};
+use crate::correct::PoseCorrection;
 use crate::group::Group;
 use crate::ids::{AgentId, BuildingId, GroupId, ObjectId, PlaceId, RoomId};
 use crate::object::Object;
@@ -68,6 +69,8 @@ pub enum Op {
     RemoveAgent(AgentId),
     /// Move everything by a rigid motion (a corrected map frame).
     Transform(Isometry3<f64>),
+    /// Move everything by a corrected trajectory.
+    CorrectPoses(Box<PoseCorrection>),
     /// Several changes as one: all or nothing, one revision.
     Batch(Vec<Op>),
     /// Set nodes to recorded states; fails where the present is not the recorded `before`. Undo and replay use it.

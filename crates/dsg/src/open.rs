@@ -28,6 +28,10 @@ pub struct Opened {
     pub mesh: Option<Vec<u8>>,
     /// What it was.
     pub format: Format,
+    /// Nodes, as the format counts them: objects, places, rooms, buildings, groups, poses of robots.
+    pub nodes: usize,
+    /// Edges, as the format counts them: between the nodes of a layer, and to the parents.
+    pub edges: usize,
 }
 
 /// What could be saved of a damaged file.
@@ -66,7 +70,7 @@ fn open_with(path: &Path, faults: &mut Faults) -> Result<Opened, LoadError> {
     if !spark::is_spark(&document) {
         drop(document);
         let Loaded { graph, mesh } = load_from(&files, &bytes, faults)?;
-        return Ok(Opened { graph, mesh, format: Format::Omni });
+        return Ok(Opened::new(graph, mesh));
     }
     fault.map_or(Ok(()), |fault| faults.note(fault))?;
     let graph = spark::read(&document, None, faults)?;
@@ -79,10 +83,18 @@ fn open_with(path: &Path, faults: &mut Faults) -> Result<Opened, LoadError> {
         mesh.write_ply(&mut ply).expect("memory takes all bytes");
         ply
     });
-    Ok(Opened { graph, mesh, format: Format::SparkDsg })
+    let count = |list| document.items(list).map_or(0, <[_]>::len);
+    Ok(Opened { graph, mesh, format: Format::SparkDsg, nodes: count("nodes"), edges: count("edges") })
 }
 
 impl Opened {
+    /// A graph of ours, with the PLY file of its mesh.
+    pub fn new(graph: SceneGraph, mesh: Option<Vec<u8>>) -> Opened {
+        let nodes = graph.node_count() + graph.groups().count();
+        let edges = graph.edge_count();
+        Opened { graph, mesh, format: Format::Omni, nodes, edges }
+    }
+
     /// Writes the graph: ours as a folder, or beside `path` if that ends in `.json`; spark_dsg as one file.
     ///
     /// # Errors

@@ -167,7 +167,7 @@ fn every_format_opens_converts_and_keeps_the_mesh() {
     graph.apply(Op::PutObject(Box::new(Object::new(ObjectId(1), "mug", dsg::Aabb::at(Point3::origin()))))).unwrap();
     let mut ply = Vec::new();
     triangle().write_ply(&mut ply).unwrap();
-    let opened = Opened { graph, mesh: Some(ply), format: Format::Omni };
+    let opened = Opened::new(graph, Some(ply));
     for (name, format) in [("folder", Format::Omni), ("one.json", Format::Omni), ("theirs.json", Format::SparkDsg)] {
         let path = dir.path().join(name);
         opened.save(&path, format).unwrap();
