@@ -34,7 +34,8 @@
 //!    [`deaths()`] is the same as one number a vertex, without sorting edges, for graphs of millions.
 //! 3. [`betti_curve`] sweeps over births and deaths; [`plateau()`] picks the longest stable count (Eq. 5) and
 //!    [`plateau_partition`] grows its components over the whole graph.
-//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides.
+//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides;
+//!    [`pinch_from`] knows the partition before, and noise does not move it.
 //! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
 //!    [`EditableGraph`] keeps the barcode of a graph that changes.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
@@ -59,6 +60,7 @@ pub mod deaths;
 pub mod distance;
 pub mod graph;
 pub mod grow;
+pub mod hysteresis;
 pub mod identity;
 pub mod incremental;
 pub mod merge_tree;
@@ -75,6 +77,7 @@ pub use deaths::deaths;
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;
+pub use hysteresis::{HysteresisConfig, HysteresisError, pinch_from};
 pub use identity::{IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts};
 pub use incremental::{EditError, EditableGraph};
 pub use merge_tree::{MergeNode, MergeTree};
