@@ -53,13 +53,14 @@
 //! - Chazal, Guibas, Oudot, Skraba, "Persistence-Based Clustering in Riemannian Manifolds", JACM 2013 (ToMATo).
 //! - Cohen-Steiner, Edelsbrunner, Harer, "Stability of Persistence Diagrams", DCG 2007.
 
-mod assignment;
+pub mod assignment;
 pub mod barcode;
 pub mod betti;
 pub mod deaths;
 pub mod distance;
 pub mod graph;
 pub mod grow;
+pub mod hydra;
 pub mod hysteresis;
 pub mod identity;
 pub mod incremental;
@@ -71,12 +72,14 @@ pub mod plateau;
 pub mod simplify;
 mod union_find;
 
+pub use assignment::assign;
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
 pub use betti::{BettiCurve, Interval, betti_curve};
 pub use deaths::deaths;
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;
+pub use hydra::{HydraConfig, HydraError, bars_of_large_components, hydra_partition};
 pub use hysteresis::{HysteresisConfig, HysteresisError, pinch_from};
 pub use identity::{IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts};
 pub use incremental::{EditError, EditableGraph};
