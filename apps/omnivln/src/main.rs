@@ -3,6 +3,7 @@
 mod ask;
 mod barcode;
 mod bench;
+mod floor_of_places;
 mod fuse;
 mod map;
 mod memory;

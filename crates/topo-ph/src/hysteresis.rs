@@ -115,53 +115,23 @@ pub fn pinch_from(
     }
     let order = edges_wide_first(graph);
     let mut known = previous.to_vec();
-    for round in 0.. {
+    for round in 1..=MOST_ROUNDS {
         let mut regions = merge_inside_old_parts(graph, &order, &known, config);
         let (mut part_of_root, whole) = old_part_of_roots(areas, &known, config, &mut regions);
-        let inside = |u: u32, v: u32| known[u as usize] != NO_PART && known[u as usize] == known[v as usize];
-        let mut overtaken = BTreeSet::new();
-        for &edge in &order {
-            let (u, v) = graph.edges()[edge as usize];
-            let (a, b) = (regions.find(u), regions.find(v));
-            if a == b || inside(u, v) {
-                continue;
-            }
-            let (older, younger) = if graph.is_older(a, b) { (a, b) } else { (b, a) };
-            let (saddle, peak, higher_peak) =
-                (graph.edge_weight(edge as usize), graph.value(younger), graph.value(older));
-            let (old_a, old_b) = (part_of_root[older as usize], part_of_root[younger as usize]);
-            let was_border = old_a != old_b && old_a != NO_PART && old_b != NO_PART;
-            let leniency = if was_border { hysteresis.band * peak } else { 0.0 };
-            if saddle < peak && is_border(config, saddle - leniency, peak, higher_peak) {
-                continue;
-            }
-            if was_border {
-                overtaken.extend([old_a, old_b]);
-                continue;
-            }
-            regions.attach(younger, older);
-            if old_a == NO_PART {
-                part_of_root[older as usize] = old_b;
+        let overtaken =
+            merge_between_old_parts(graph, &order, &known, config, hysteresis.band, &mut regions, &mut part_of_root);
+        if overtaken.is_empty() {
+            let least = (1.0 - hysteresis.area_band) * config.min_area;
+            let least_of = whole_roots(&whole, &part_of_root, &mut regions).map(|root| (root, least)).collect();
+            absorb_small(graph, areas, config.min_area, least_of, &mut regions);
+            let labels: Vec<u32> = (0..graph.len() as u32).map(|v| regions.find(v)).collect();
+            return Ok(partition_from_labels(graph, &labels, areas));
+        }
+        for part in &mut known {
+            if overtaken.contains(part) || round + 1 == MOST_ROUNDS {
+                *part = NO_PART;
             }
         }
-        if !overtaken.is_empty() {
-            for part in &mut known {
-                if overtaken.contains(part) || round + 2 >= MOST_ROUNDS {
-                    *part = NO_PART;
-                }
-            }
-            continue;
-        }
-        let least = (1.0 - hysteresis.area_band) * config.min_area;
-        let mut least_of = BTreeMap::new();
-        for (root, part) in part_of_root.iter().enumerate() {
-            if whole.contains(part) && regions.find(root as u32) == root as u32 {
-                least_of.insert(root as u32, least);
-            }
-        }
-        absorb_small(graph, areas, config.min_area, least_of, &mut regions);
-        let labels: Vec<u32> = (0..graph.len() as u32).map(|v| regions.find(v)).collect();
-        return Ok(partition_from_labels(graph, &labels, areas));
     }
     unreachable!("the last round knows no old part, so none is overtaken")
 }
@@ -187,6 +157,54 @@ fn merge_inside_old_parts(graph: &Graph, order: &[u32], known: &[u32], config: &
         }
     }
     regions
+}
+
+/// Step 2. Answers the old parts of step 3.
+fn merge_between_old_parts(
+    graph: &Graph,
+    order: &[u32],
+    known: &[u32],
+    config: &PinchConfig,
+    band: f64,
+    regions: &mut UnionFind,
+    part_of_root: &mut [u32],
+) -> BTreeSet<u32> {
+    let mut overtaken = BTreeSet::new();
+    for &edge in order {
+        let (u, v) = graph.edges()[edge as usize];
+        let (a, b) = (regions.find(u), regions.find(v));
+        let is_inside = known[u as usize] != NO_PART && known[u as usize] == known[v as usize];
+        if a == b || is_inside {
+            continue;
+        }
+        let (older, younger) = if graph.is_older(a, b) { (a, b) } else { (b, a) };
+        let (saddle, peak, higher_peak) = (graph.edge_weight(edge as usize), graph.value(younger), graph.value(older));
+        let (old_a, old_b) = (part_of_root[older as usize], part_of_root[younger as usize]);
+        let was_border = old_a != old_b && old_a != NO_PART && old_b != NO_PART;
+        let leniency = if was_border { band * peak } else { 0.0 };
+        if saddle < peak && is_border(config, saddle - leniency, peak, higher_peak) {
+            continue;
+        }
+        if was_border {
+            overtaken.extend([old_a, old_b]);
+            continue;
+        }
+        regions.attach(younger, older);
+        if old_a == NO_PART {
+            part_of_root[older as usize] = old_b;
+        }
+    }
+    overtaken
+}
+
+/// The roots of regions that go on with an old part in one piece.
+fn whole_roots<'a>(
+    whole: &'a BTreeSet<u32>,
+    part_of_root: &'a [u32],
+    regions: &'a mut UnionFind,
+) -> impl Iterator<Item = u32> + 'a {
+    let roots = (0..part_of_root.len() as u32).filter(|&v| whole.contains(&part_of_root[v as usize]));
+    roots.filter(|&v| regions.find(v) == v)
 }
 
 /// By root of a region, the old part it goes on with: each part's largest region does, and what else is large enough to be a part. And the

@@ -33,9 +33,9 @@
 //! 2. Edges are sorted from wide to narrow; a union-find with the elder rule gives the [`barcode()`];
 //!    [`deaths()`] is the same as one number a vertex, without sorting edges, for graphs of millions.
 //! 3. [`betti_curve`] sweeps over births and deaths; [`plateau()`] picks the longest stable count (Eq. 5) and
-//!    [`plateau_partition`] grows its components over the whole graph.
+//!    [`plateau_partition`] grows its components over the whole graph; [`hydra_partition`] picks as Hydra does, for comparison.
 //! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides;
-//!    [`pinch_from`] knows the partition before, and noise does not move it.
+//!    [`pinch_from`] knows the partition before, and noise does not move it ([`hysteresis`]).
 //! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
 //!    [`EditableGraph`] keeps the barcode of a graph that changes.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
