@@ -159,3 +159,24 @@ fn the_rooms_of_ten_real_floor_plans_are_found_empty_and_furnished() {
         assert!(overlap >= least_overlap && f1 >= least_f1, "{suffix}: {overlap:.3} {f1:.3}");
     }
 }
+
+#[test]
+fn the_places_of_ten_furnished_floor_plans_get_their_rooms() {
+    let Some(folder) = floor_plans() else { return };
+    let mut scores = Vec::new();
+    for entry in fs::read_dir(folder.join("places")).unwrap() {
+        let path = entry.unwrap().path();
+        if !path.to_string_lossy().ends_with("_furnitures.json") {
+            continue;
+        }
+        let numbers = |value: &Value| -> Vec<u32> { serde_json::from_value(value.clone()).unwrap() };
+        let truth: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        let answer = json(&["rooms", "--places", text(&path), "--json"]);
+        scores.push(score(&numbers(&truth["gt_room"]), &numbers(&answer["labels"]), 0));
+    }
+    let Score { overlap, f1 } = Score::mean(&scores);
+    println!("{} graphs of places: mean overlap {overlap:.3}, F1 {f1:.3}", scores.len());
+    assert_eq!(scores.len(), 10);
+    // The graph itself, cut by the same rule, has 0.57 and 0.25.
+    assert!(overlap >= 0.86 && f1 >= 0.80, "{overlap:.3} {f1:.3}");
+}
