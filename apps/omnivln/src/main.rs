@@ -4,6 +4,7 @@ mod ask;
 mod barcode;
 mod bench;
 mod dsg;
+mod floor_of_places;
 mod fuse;
 mod map;
 mod memory;

@@ -3,6 +3,7 @@
 //! The code is that of the robots (`mission::rooms`), with the numbers that are best on floor plans; missions still use older ones
 //! (`MissionConfig::rooms`).
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -20,12 +21,15 @@ use nalgebra::Point2;
 use serde::Deserialize;
 use serde_json::json;
 
+use crate::floor_of_places::{Place, rooms_of_places};
+
 /// Options of `rooms`.
 #[derive(Debug, Args)]
 pub struct RoomsOptions {
     /// Floor plan: a grey picture, white (250 and above) is free, the rest is wall or furniture
     map: Option<PathBuf>,
-    /// A graph of places instead: {"nodes": [[x, y, clearance], ...], "edges": [[i, j, clearance], ...]}
+    /// A graph of places instead: {"nodes": [[x, y, clearance], ...], "edges": [[i, j, clearance], ...]}. Its floor is cut as a plan is;
+    /// with [x, y, z, clearance] there may be several floors, and the graph itself is cut
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "resolution"])]
     places: Option<PathBuf>,
     /// Edge of a pixel, metres
@@ -109,24 +113,43 @@ fn of_places(path: &Path, options: &RoomsOptions) -> Result<serde_json::Value> {
     let file: PlacesFile = serde_json::from_str(&text).with_context(|| {
         format!("{}: wanted are nodes [x, y, clearance] and edges [i, j, clearance]", path.display())
     })?;
-    let mut values = Vec::with_capacity(file.nodes.len());
+    let numbers = file.nodes.first().map_or(3, Vec::len);
     for (number, node) in file.nodes.iter().enumerate() {
-        // With three coordinates the clearance is the fourth number.
-        ensure!(matches!(node.len(), 3 | 4), "{}: node {number} has {} numbers", path.display(), node.len());
-        values.push(node[node.len() - 1]);
+        let is_right = matches!(numbers, 3 | 4) && node.len() == numbers;
+        ensure!(
+            is_right,
+            "{}: node {number} has {} numbers; 3 or 4 are wanted, the same for all",
+            path.display(),
+            node.len()
+        );
     }
-    let edges = file.edges.iter().map(|(i, j, _)| (*i, *j)).collect();
-    let limits = file.edges.iter().map(|(_, _, clearance)| *clearance).collect();
-    let areas = vec![1.0; values.len()];
-    let config = PinchConfig { min_area: SMALLEST_ROOM_PLACES, ..PinchConfig::default() };
     let clock = CpuScope::Thread.now();
-    let graph = Graph::new(values, edges, Some(limits)).with_context(|| path.display().to_string())?;
-    let rooms = pinch(&graph, &areas, &config)?;
+    let cut = if numbers == 3 { cut_floor } else { cut_graph };
+    let labels = cut(&file).with_context(|| path.display().to_string())?;
     let cpu_s = clock.elapsed().as_secs_f64();
-    let labels: Vec<u32> = rooms.part_of.iter().map(|part| part + 1).collect();
     if let Some(out) = &options.out {
         let text = serde_json::to_string(&labels)?;
         write_whole(out, |file| file.write_all(text.as_bytes()))?;
     }
-    Ok(json!({ "rooms": rooms.parts.len(), "cpu_s": cpu_s, "labels": labels }))
+    let rooms: BTreeSet<u32> = labels.iter().copied().filter(|label| *label > 0).collect();
+    Ok(json!({ "rooms": rooms.len(), "cpu_s": cpu_s, "labels": labels }))
+}
+
+/// Pixel of the floor that is made of places.
+const FLOOR_RESOLUTION_M: f64 = 0.05;
+
+fn cut_floor(file: &PlacesFile) -> Result<Vec<u32>> {
+    let place = |node: &Vec<f64>| Place { at: Point2::new(node[0], node[1]), clearance_m: node[2] };
+    let places: Vec<Place> = file.nodes.iter().map(place).collect();
+    rooms_of_places(&places, &file.edges, FLOOR_RESOLUTION_M, &RoomConfig::default())
+}
+
+fn cut_graph(file: &PlacesFile) -> Result<Vec<u32>> {
+    let values: Vec<f64> = file.nodes.iter().map(|node| node[3]).collect();
+    let edges = file.edges.iter().map(|(i, j, _)| (*i, *j)).collect();
+    let limits = file.edges.iter().map(|(_, _, clearance)| *clearance).collect();
+    let areas = vec![1.0; values.len()];
+    let config = PinchConfig { min_area: SMALLEST_ROOM_PLACES, ..PinchConfig::default() };
+    let rooms = pinch(&Graph::new(values, edges, Some(limits))?, &areas, &config)?;
+    Ok(rooms.part_of.iter().map(|part| part + 1).collect())
 }

@@ -1,7 +1,7 @@
 //! Exact minimum-cost assignment (Hungarian method with shortest augmenting paths, Jonker and Volgenant 1987).
 
 /// Column of each row in a square cost matrix (row-major) of finite costs, with the least total. O(n^3).
-pub(crate) fn assign(cost: &[f64], n: usize) -> Vec<usize> {
+pub fn assign(cost: &[f64], n: usize) -> Vec<usize> {
     const FREE: usize = usize::MAX;
     // Potentials keep reduced costs non-negative; column n is a virtual one that holds the row being placed.
     let (mut row_potential, mut column_potential) = (vec![0.0; n], vec![0.0; n + 1]);

@@ -1,9 +1,7 @@
 //! Components of one superlevel set, and their growth over the rest of the graph.
 
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
-
 use crate::Graph;
+use crate::order::edges_wide_first;
 use crate::union_find::UnionFind;
 
 /// Label of a vertex that has none yet.
@@ -24,82 +22,43 @@ pub fn components_at(graph: &Graph, t: f64) -> Vec<u32> {
     (0..graph.len() as u32).map(label).collect()
 }
 
-/// Prim-like growth from the seeds: the widest edge from a labelled to an unlabelled vertex goes first.
-pub(crate) fn grow(graph: &Graph, mut labels: Vec<u32>) -> Vec<u32> {
-    let neighbours = Neighbours::new(graph);
-    let mut heap = BinaryHeap::new();
-    for v in 0..graph.len() as u32 {
-        if labels[v as usize] != UNLABELLED {
-            neighbours.push_open(graph, v, &labels, &mut heap);
-        }
-    }
-    while let Some(step) = heap.pop() {
-        if labels[step.to as usize] == UNLABELLED {
-            labels[step.to as usize] = step.label;
-            neighbours.push_open(graph, step.to, &labels, &mut heap);
-        }
-    }
-    labels
-}
-
-/// One possible step of the growth, ordered by (weight, smaller label, smaller vertex).
-#[derive(PartialEq)]
-struct Step {
-    weight: f64,
-    label: u32,
-    to: u32,
-}
-
-impl Eq for Step {}
-
-impl Ord for Step {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let by_weight = self.weight.total_cmp(&other.weight);
-        by_weight.then(other.label.cmp(&self.label)).then(other.to.cmp(&self.to))
-    }
-}
-
-impl PartialOrd for Step {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-/// Adjacency in one array (compressed rows): (neighbour, edge).
-struct Neighbours {
-    start: Vec<u32>,
-    entries: Vec<(u32, u32)>,
-}
-
-impl Neighbours {
-    fn new(graph: &Graph) -> Neighbours {
-        let mut start = vec![0_u32; graph.len() + 1];
-        for &(u, v) in graph.edges() {
-            start[u as usize] += 1;
-            start[v as usize] += 1;
-        }
-        let mut total = 0;
-        for count in &mut start {
-            total += *count;
-            *count = total;
-        }
-        let mut entries = vec![(0, 0); total as usize];
-        for (edge, &(u, v)) in graph.edges().iter().enumerate() {
-            for (from, to) in [(u, v), (v, u)] {
-                start[from as usize] -= 1;
-                entries[start[from as usize] as usize] = (to, edge as u32);
+/// Grows the seeds over everything they are connected with: edges from wide to narrow join what has no label to what has (or to more of what
+/// has none) and never two labels. So each vertex gets the label to which its way is widest.
+///
+/// The order of [`edges_wide_first`] matters here: rings of pixels along the walls have equal values and run through all doors, and with any
+/// other order of equals one label would creep along them through the building. It lets a vertex join its highest neighbour first.
+pub(crate) fn grow(graph: &Graph, labels: Vec<u32>) -> Vec<u32> {
+    // A root has its region's label.
+    let mut regions = UnionFind::new(graph.len());
+    for edge in edges_wide_first(graph) {
+        let (u, v) = graph.edges()[edge as usize];
+        let (a, b) = (regions.find(u), regions.find(v));
+        let (label_a, label_b) = (labels[a as usize], labels[b as usize]);
+        if a != b && label_a != UNLABELLED {
+            if label_b == UNLABELLED || label_b == label_a {
+                regions.attach(b, a);
             }
+        } else if a != b {
+            regions.attach(a, b);
         }
-        Neighbours { start, entries }
     }
+    (0..graph.len() as u32).map(|v| labels[regions.find(v) as usize]).collect()
+}
 
-    fn push_open(&self, graph: &Graph, from: u32, labels: &[u32], heap: &mut BinaryHeap<Step>) {
-        let range = self.start[from as usize] as usize..self.start[from as usize + 1] as usize;
-        for &(to, edge) in &self.entries[range] {
-            if labels[to as usize] == UNLABELLED {
-                let weight = graph.edge_weight(edge as usize);
-                heap.push(Step { weight, label: labels[from as usize], to });
-            }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid_graph;
+
+    #[test]
+    fn no_label_creeps_along_the_walls() {
+        // Two rooms and a door; the outer ring has the same value everywhere and runs through both.
+        let image = [[1, 1, 1, 1, 1, 1, 1, 1, 1], [1, 3, 3, 2, 1, 2, 3, 3, 1], [1, 1, 1, 1, 1, 1, 1, 1, 1]];
+        let values: Vec<f32> = image.iter().flatten().map(|&value| value as f32).collect();
+        let (graph, _) = grid_graph(&values, 9);
+        let labels = grow(&graph, components_at(&graph, 3.0));
+        for (vertex, label) in labels.iter().enumerate().filter(|(vertex, _)| vertex % 9 != 4) {
+            assert_eq!(*label, if vertex % 9 < 4 { 10 } else { 15 }, "vertex {vertex}");
         }
     }
 }

@@ -33,8 +33,9 @@
 //! 2. Edges are sorted from wide to narrow; a union-find with the elder rule gives the [`barcode()`];
 //!    [`deaths()`] is the same as one number a vertex, without sorting edges, for graphs of millions.
 //! 3. [`betti_curve`] sweeps over births and deaths; [`plateau()`] picks the longest stable count (Eq. 5) and
-//!    [`plateau_partition`] grows its components over the whole graph.
-//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides.
+//!    [`plateau_partition`] grows its components over the whole graph; [`hydra_partition`] picks as Hydra does, for comparison.
+//! 4. [`pinch()`] is the default partition: a border stays where the way is clearly narrower than both sides;
+//!    [`pinch_from`] knows the partition before, and noise does not move it ([`hysteresis`]).
 //! 5. [`MergeTree`] keeps all thresholds at once; [`simplify()`] cuts the peaks down that are no peaks; [`match_parts`] carries names from one partition to the next.
 //!    [`EditableGraph`] keeps the barcode of a graph that changes.
 //! 6. [`bottleneck`], [`wasserstein1`], [`wasserstein2`] say how far two barcodes are apart.
@@ -52,13 +53,15 @@
 //! - Chazal, Guibas, Oudot, Skraba, "Persistence-Based Clustering in Riemannian Manifolds", JACM 2013 (ToMATo).
 //! - Cohen-Steiner, Edelsbrunner, Harer, "Stability of Persistence Diagrams", DCG 2007.
 
-mod assignment;
+pub mod assignment;
 pub mod barcode;
 pub mod betti;
 pub mod deaths;
 pub mod distance;
 pub mod graph;
 pub mod grow;
+pub mod hydra;
+pub mod hysteresis;
 pub mod identity;
 pub mod incremental;
 pub mod merge_tree;
@@ -69,12 +72,15 @@ pub mod plateau;
 pub mod simplify;
 mod union_find;
 
+pub use assignment::assign;
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
 pub use betti::{BettiCurve, Interval, betti_curve};
 pub use deaths::deaths;
 pub use distance::{bottleneck, wasserstein1, wasserstein2};
 pub use graph::{Graph, GraphError, grid_graph};
 pub use grow::components_at;
+pub use hydra::{HydraConfig, HydraError, bars_of_large_components, hydra_partition};
+pub use hysteresis::{HysteresisConfig, HysteresisError, pinch_from};
 pub use identity::{IdentityConfig, IdentityError, Lost, NO_PART, Origin, PartMatching, match_parts};
 pub use incremental::{EditError, EditableGraph};
 pub use merge_tree::{MergeNode, MergeTree};

@@ -109,17 +109,23 @@ impl PinchConfig {
 /// # Errors
 /// [`PinchError`] if the configuration or the areas are not sound.
 pub fn pinch(graph: &Graph, areas: &[f64], config: &PinchConfig) -> Result<Partition, PinchError> {
+    check(graph, areas, config)?;
+    let mut regions = merge_unless_pinched(graph, config);
+    absorb_small(graph, areas, config.min_area, BTreeMap::new(), &mut regions);
+    let labels: Vec<u32> = (0..graph.len() as u32).map(|v| regions.find(v)).collect();
+    Ok(partition_from_labels(graph, &labels, areas))
+}
+
+/// The door of [`pinch`] and [`crate::pinch_from`].
+pub(crate) fn check(graph: &Graph, areas: &[f64], config: &PinchConfig) -> Result<(), PinchError> {
     config.validate()?;
     if areas.len() != graph.len() {
         return Err(PinchError::AreaCount { areas: areas.len(), vertices: graph.len() });
     }
-    if let Some(vertex) = areas.iter().position(|area| !area.is_finite() || *area < 0.0) {
-        return Err(PinchError::Area { vertex });
+    match areas.iter().position(|area| !area.is_finite() || *area < 0.0) {
+        Some(vertex) => Err(PinchError::Area { vertex }),
+        None => Ok(()),
     }
-    let mut regions = merge_unless_pinched(graph, config);
-    absorb_small(graph, areas, config.min_area, &mut regions);
-    let labels: Vec<u32> = (0..graph.len() as u32).map(|v| regions.find(v)).collect();
-    Ok(partition_from_labels(graph, &labels, areas))
 }
 
 /// One pass over the edges; the root of a region is its peak.
@@ -132,18 +138,29 @@ fn merge_unless_pinched(graph: &Graph, config: &PinchConfig) -> UnionFind {
             continue;
         }
         let (older, younger) = if graph.is_older(a, b) { (a, b) } else { (b, a) };
-        let (saddle, peak) = (graph.edge_weight(edge as usize), graph.value(younger));
-        let is_pinched = saddle <= config.rho * peak && saddle <= config.sigma * graph.value(older);
-        let is_border = is_pinched && peak - saddle >= config.tau && saddle < peak;
-        if !is_border {
+        let (peak, higher_peak) = (graph.value(younger), graph.value(older));
+        if !is_border(config, graph.edge_weight(edge as usize), peak, higher_peak) {
             regions.attach(younger, older);
         }
     }
     regions
 }
 
-/// Absorbs regions below `min_area`, smallest first, across the widest (then longest) border.
-fn absorb_small(graph: &Graph, areas: &[f64], min_area: f64, regions: &mut UnionFind) {
+/// Whether a way of this width separates regions of these peaks.
+pub(crate) fn is_border(config: &PinchConfig, saddle: f64, peak: f64, higher_peak: f64) -> bool {
+    let is_pinched = saddle <= config.rho * peak && saddle <= config.sigma * higher_peak;
+    is_pinched && peak - saddle >= config.tau && saddle < peak
+}
+
+/// Absorbs regions below `min_area`, smallest first, across the widest (then longest) border. Regions whose roots are in
+/// `least_of` need the area that it says instead; what they merge into inherits it.
+pub(crate) fn absorb_small(
+    graph: &Graph,
+    areas: &[f64],
+    min_area: f64,
+    mut least_of: BTreeMap<u32, f64>,
+    regions: &mut UnionFind,
+) {
     let mut area = vec![0.0; graph.len()];
     for v in 0..graph.len() as u32 {
         area[regions.find(v) as usize] += areas[v as usize];
@@ -159,7 +176,7 @@ fn absorb_small(graph: &Graph, areas: &[f64], min_area: f64, regions: &mut Union
     let key = |area: f64, region: u32| Reverse(((area + 0.0).to_bits(), region));
     let mut small: BinaryHeap<_> = neighbours
         .keys()
-        .filter(|&&region| area[region as usize] < min_area)
+        .filter(|&&region| area[region as usize] < *least_of.get(&region).unwrap_or(&min_area))
         .map(|&region| key(area[region as usize], region))
         .collect();
     while let Some(Reverse((bits, region))) = small.pop() {
@@ -190,7 +207,10 @@ fn absorb_small(graph: &Graph, areas: &[f64], min_area: f64, regions: &mut Union
             back.insert(survivor, width);
         }
         neighbours.insert(survivor, merged);
-        if total < min_area {
+        if let Some(least) = least_of.remove(&absorbed) {
+            least_of.insert(survivor, least);
+        }
+        if total < *least_of.get(&survivor).unwrap_or(&min_area) {
             small.push(key(total, survivor));
         }
     }

@@ -148,8 +148,8 @@ pub fn plateau(bars: &[Bar], config: &PlateauConfig) -> Result<PlateauOutcome, P
 
 /// Cuts each connected component of the graph at its own plateau and grows the pieces over all its vertices.
 ///
-/// Seeds are the components of K(threshold) that persist. Growth takes the widest edge first (ties: the older seed),
-/// so a narrow place goes to the side it is more open to. A component without a plateau is one part.
+/// Seeds are the components of K(threshold) that persist. Growth takes the widest edge first, so a narrow place goes to the
+/// side it is more open to. A component without a plateau is one part.
 ///
 /// # Errors
 /// [`PlateauError`] if the configuration is not sound.
