@@ -71,8 +71,7 @@ impl Default for MissionConfig {
         Self {
             odometry: OdometrySource::LidarInertial(Box::default()),
             volume: VolumeConfig::default(),
-            // As the benches were run; what is better on floor plans has not been measured in the runs yet.
-            rooms: RoomConfig { rho: 0.85, sigma: 1.0, tau_m: 0.10, ..RoomConfig::default() },
+            rooms: RoomConfig::default(),
             coverage: CoverageConfig::default(),
             prompt: PromptConfig::default(),
             field_resolution_m: 0.10,

@@ -5,7 +5,7 @@
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 
 use nalgebra::{Point2, Point3};
-use topo_ph::{PinchConfig, PinchError, grid_graph, pinch};
+use topo_ph::{HysteresisConfig, HysteresisError, NO_PART, PinchConfig, grid_graph, pinch, pinch_from};
 use volumetric_map::{OccupancyGrid, clearance, fill_islands};
 
 /// How rooms are cut out of the slice.
@@ -67,8 +67,25 @@ impl RoomMap {
     /// Cuts `slice` into rooms. An empty slice has none.
     ///
     /// # Errors
-    /// [`PinchError`] if the configuration makes no sense.
-    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, PinchError> {
+    /// [`HysteresisError`] if the configuration makes no sense.
+    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, HysteresisError> {
+        RoomMap::cut(slice, config, None)
+    }
+
+    /// Cuts `slice` into rooms where `self` were the rooms a moment ago: a border stays until the way is clearly wider than a
+    /// door, so that rooms do not come and go with the noise of the map.
+    ///
+    /// # Errors
+    /// As [`RoomMap::new`].
+    pub fn next(&self, slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, HysteresisError> {
+        RoomMap::cut(slice, config, Some(self))
+    }
+
+    fn cut(
+        slice: &OccupancyGrid,
+        config: &RoomConfig,
+        before: Option<&RoomMap>,
+    ) -> Result<RoomMap, HysteresisError> {
         // 1. Furniture that stands alone is filled.
         let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
         // 2. Clearance of every free cell; what nobody saw counts as a wall.
@@ -80,11 +97,17 @@ impl RoomMap {
         let areas = vec![cell_area_m2; graph.len()];
         let pinch_config =
             PinchConfig { rho: config.rho, sigma: config.sigma, tau: config.tau_m, min_area: config.min_area_m2 };
-        let partition = pinch(&graph, &areas, &pinch_config)?;
-
         let center_of = |vertex: u32| {
             let cell = cell_of_vertex[vertex as usize] as usize;
             grid.center(cell % grid.width, cell / grid.width)
+        };
+        let partition = match before {
+            None => pinch(&graph, &areas, &pinch_config)?,
+            Some(before) => {
+                let part_of = |vertex: u32| before.room_of_cell_at(&center_of(vertex)).unwrap_or(NO_PART);
+                let previous: Vec<u32> = (0..graph.len() as u32).map(part_of).collect();
+                pinch_from(&graph, &areas, &pinch_config, &previous, &HysteresisConfig::default())?
+            }
         };
         // 5. What is small and cut off (a view through a window, a gap behind a shelf) is no room.
         let mut room_of_part: Vec<Option<u32>> = Vec::with_capacity(partition.parts.len());
@@ -113,6 +136,12 @@ impl RoomMap {
             })
             .collect();
         Ok(RoomMap { grid, part_of_cell, rooms, doorways })
+    }
+
+    /// The room of the very cell.
+    fn room_of_cell_at(&self, point: &Point2<f64>) -> Option<u32> {
+        let (ix, iy) = self.grid.cell_of(point)?;
+        self.part_of_cell[iy * self.grid.width + ix]
     }
 
     /// Index of the room at `point`; for a point in a wall or on furniture, of the nearest room within `0.6 m`.
@@ -185,6 +214,32 @@ mod tests {
         let doorway = &map.doorways[0];
         assert!((doorway.at - Point2::new(3.15, 4.1)).norm() < 0.2, "{doorway:?}");
         assert!((doorway.width_m - 1.0).abs() < 0.25, "{doorway:?}");
+    }
+
+    #[test]
+    fn a_door_that_wanders_about_the_rule_does_not_flicker() {
+        // Two rooms of 4 m in cells of 2.5 cm. The opening grows: plainly a door, then undecided, then plainly none.
+        let opening = |cells: usize| {
+            let (width, height, resolution_m) = (323, 162, 0.025);
+            let middle = (height - cells) / 2..(height - cells) / 2 + cells;
+            let cells = (0..width * height).map(|cell| {
+                let (ix, iy) = (cell % width, cell / width);
+                let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
+                let is_wall = ix == 161 && !middle.contains(&iy);
+                if is_border || is_wall { Cell::Occupied } else { Cell::Free }
+            });
+            let cells = cells.collect();
+            OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells }
+        };
+        let config = RoomConfig::default();
+        let plain = |cells| RoomMap::new(&opening(cells), &config).unwrap().rooms.len();
+        let last_door = (100..160).take_while(|cells| plain(*cells) == 2).last().unwrap();
+        assert!(plain(last_door + 1) == 1, "the rule changes its mind at {last_door}");
+        let two = RoomMap::new(&opening(last_door), &config).unwrap();
+        assert_eq!(two.next(&opening(last_door + 1), &config).unwrap().rooms.len(), 2, "a known border stays");
+        let one = RoomMap::new(&opening(last_door + 1), &config).unwrap();
+        assert_eq!(one.next(&opening(last_door + 1), &config).unwrap().rooms.len(), 1, "an unknown one does not come");
+        assert_eq!(two.next(&opening(158), &config).unwrap().rooms.len(), 1, "what is no door any more goes");
     }
 
     #[test]

@@ -417,7 +417,13 @@ impl WorldModel {
             );
         });
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));
-        self.rooms = clock.time("rooms", || RoomMap::new(&self.slice, &self.config.rooms).ok());
+        self.rooms = clock.time("rooms", || {
+            let config = &self.config.rooms;
+            match &self.rooms {
+                Some(before) => before.next(&self.slice, config).ok(),
+                None => RoomMap::new(&self.slice, config).ok(),
+            }
+        });
         clock.time("graph", || {
             self.builder.update(
                 &mut self.graph,
