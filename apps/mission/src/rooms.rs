@@ -81,11 +81,7 @@ impl RoomMap {
         RoomMap::cut(slice, config, Some(self))
     }
 
-    fn cut(
-        slice: &OccupancyGrid,
-        config: &RoomConfig,
-        before: Option<&RoomMap>,
-    ) -> Result<RoomMap, HysteresisError> {
+    fn cut(slice: &OccupancyGrid, config: &RoomConfig, before: Option<&RoomMap>) -> Result<RoomMap, HysteresisError> {
         // 1. Furniture that stands alone is filled.
         let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
         // 2. Clearance of every free cell; what nobody saw counts as a wall.

@@ -136,9 +136,20 @@ pub struct KindGuess {
 
 /// The most likely kind of a room with these things in it. `None` if nothing in it speaks for any.
 pub fn room_kind<'a>(contents: impl IntoIterator<Item = &'a Object>, shape: RoomShape) -> Option<KindGuess> {
+    room_kind_with(&mut Rows::default(), contents, shape)
+}
+
+/// The rows of labels that were looked up: the same few labels are in all rooms of a building.
+pub(crate) type Rows<'a> = BTreeMap<&'a str, Option<(usize, f64)>>;
+
+/// [`room_kind`] for one room after another.
+pub(crate) fn room_kind_with<'a>(
+    rows: &mut Rows<'a>,
+    contents: impl IntoIterator<Item = &'a Object>,
+    shape: RoomShape,
+) -> Option<KindGuess> {
     let mut scores = vec![0.0_f64; ROOM_KINDS.len()];
     let mut seen = vec![0_i32; EVIDENCE.len()];
-    let mut rows: BTreeMap<&str, Option<(usize, f64)>> = BTreeMap::new();
     for object in contents {
         let row = *rows.entry(&object.label).or_insert_with(|| row_of(&object.label));
         let Some((row, likeness)) = row else { continue };

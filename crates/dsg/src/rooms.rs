@@ -11,7 +11,7 @@ use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::place::Place;
 use crate::room::{Building, Room, RoomEdge, Storey};
-use crate::room_kind::{RoomShape, room_kind};
+use crate::room_kind::{RoomShape, Rows, room_kind_with};
 
 /// One part of the free space, from a partition of the place graph or of the floor.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,9 +112,16 @@ pub fn update_rooms(
     // Kinds and names.
     let shapes = shapes_of(graph, &members, doorways);
     let mut rooms: Vec<Room> = Vec::new();
+    let mut contents: BTreeMap<RoomId, Vec<&Object>> = BTreeMap::new();
+    for (object, room) in graph.objects().zip(room_of_object.values()) {
+        if let Some(room) = room {
+            contents.entry(*room).or_default().push(object);
+        }
+    }
+    let mut rows = Rows::new();
     for (part, id) in room_of.iter().enumerate() {
-        let contents = graph.objects().filter(|object| room_of_object[&object.id] == Some(*id));
-        let guess = room_kind(contents, shapes[part]);
+        let contents = contents.get(id).into_iter().flatten().copied();
+        let guess = room_kind_with(&mut rows, contents, shapes[part]);
         let known = graph.room(*id).cloned().unwrap_or_else(|| Room::new(*id, parts[part].center));
         rooms.push(Room {
             kind: guess.as_ref().map(|guess| guess.kind.to_owned()),
@@ -174,12 +181,15 @@ fn identify(
 ) -> (Vec<RoomId>, Vec<RoomId>) {
     let mut room_of: Vec<Option<RoomId>> = vec![None; parts.len()];
     let mut overlaps: Vec<(bool, f64, RoomId, usize)> = Vec::new();
+    let part_of: BTreeMap<PlaceId, usize> =
+        members.iter().enumerate().flat_map(|(part, places)| places.iter().map(move |place| (*place, part))).collect();
     for room in graph.rooms() {
-        for (part, places) in members.iter().enumerate() {
-            let common = room.places.iter().filter(|place| places.contains(place)).count() as f64;
-            if common == 0.0 {
-                continue;
-            }
+        let mut common_with: BTreeMap<usize, usize> = BTreeMap::new();
+        for part in room.places.iter().filter_map(|place| part_of.get(place)) {
+            *common_with.entry(*part).or_default() += 1;
+        }
+        for (part, common) in common_with {
+            let (places, common) = (&members[part], common as f64);
             let jaccard = common / (room.places.len() as f64 + places.len() as f64 - common);
             let containment = common / room.places.len().min(places.len()) as f64;
             if jaccard > config.min_jaccard {
