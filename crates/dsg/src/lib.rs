@@ -53,8 +53,11 @@
 //!    ([`mod@room_kind`]), joins them by doorways and hangs them under a building ([`rooms`]).
 //! 5. [`update_relations`] computes relations from boxes, prunes by the map (Eq. 6) and asks a verifier (Eq. 7)
 //!    ([`relations`]); [`update_groups`] gathers objects that are used together ([`groups`]).
-//! 6. [`folder`] saves graph.json, mesh.ply and ops.log so that a crash leaves the old or the new; [`read_spark_dsg`] reads
-//!    the graphs of others; [`scene_graph_text`] and [`scene_objects_json`] are for language models and people.
+//! 6. [`folder`] saves graph.json, mesh.ply and ops.log so that a crash leaves the old or the new; [`spark`] reads and writes
+//!    the graphs of others without loss, [`mod@open`] takes any file, whole or damaged, [`mod@diff`] compares two;
+//!    [`scene_graph_text`] and [`scene_objects_json`] are for language models and people.
+//! 7. [`correct_poses`] moves everything by a corrected trajectory ([`correct`]); [`observe_movers`] follows what moves by itself
+//!    ([`movers`], [`presence`]).
 //!
 //! # Conventions
 //! World frame right-handed, z up, metres, nanoseconds. All listings ascend by id; ids are never reused; ties go to the
@@ -64,7 +67,7 @@
 //!
 //! # What it does not do
 //! It knows no voxels (the map comes in as closures), makes no partition (that is `topo-ph`), asks no model (the verifier is
-//! a closure), tracks no movers, and closes no loops ([`Op::Transform`] moves all of it).
+//! a closure), and closes no loops (it takes the corrected trajectory).
 //!
 //! # References
 //! OmniVLN: Omnidirectional 3D Perception and Token-Efficient LLM Reasoning for Visual-Language Navigation across Air and

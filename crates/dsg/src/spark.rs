@@ -7,7 +7,7 @@
 //! between objects.
 //!
 //! Nothing is lost on the way, in either direction. What they say and we have no field for is kept word for word and written back
-//! ([`crate::spark_kept`]); what we say and they have no field for travels in their open `metadata` under `omni_dsg`, which
+//! (`spark_kept.rs`); what we say and they have no field for travels in their open `metadata` under `omni_dsg`, which
 //! survives their loading and saving, and is only written where their fields alone would not bring the node back. Where
 //! the two disagree on the way back (somebody moved a node with their tools), theirs is the newer and holds.
 

@@ -546,7 +546,8 @@ impl<W: Write> Writer<'_, '_, W> {
             if let Some(kept) = kept {
                 restore(&mut info, kept);
             }
-            if !is_plain && !(self.is_middle(edge) && !plain.contains_key(&(edge.a, edge.b))) {
+            let is_guessed = self.is_middle(edge) && !plain.contains_key(&(edge.a, edge.b));
+            if !(is_plain || is_guessed) {
                 add_ours(&mut info, without(records::from_room_edge(edge), &["a", "b"]));
             }
             said.insert(key(a, b), (a, b, info));
