@@ -252,7 +252,7 @@ fn hostile_files_of_theirs_are_typed_errors() {
     let unknown = "{\"unknown_fields\":{\"\":{\"spark_dsg\":5},\"objects/O1\":{\"spark_dsg\":[]}}}";
     let text = file(&object(1, ",\"registered\":true"), "", &format!(",\"metadata\":{{\"omni_dsg\":{unknown}}}"));
     read_spark_dsg(&spark(&read(text).unwrap()), None).unwrap();
-    assert!(matches!(read(file("", "", ",\"metadata\":3")), Ok(_)));
+    assert!(read(file("", "", ",\"metadata\":3")).is_ok());
     let deep = file(&object(1, &format!(",\"metadata\":{}1{}", "[".repeat(400), "]".repeat(400))), "", "");
     assert!(matches!(read(deep), Err(LoadError::Syntax { .. })));
     let broken_kept = "{\"schema\":\"omni-dsg\",\"version\":{\"major\":1,\"minor\":0},\"spark_dsg\":7,\
