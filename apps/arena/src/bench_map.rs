@@ -22,7 +22,7 @@ use crate::map_score::{MapScore, Witness, known_places, map_score};
 use crate::progress::ProgressView;
 use crate::record_truth::write_building;
 use crate::referee::Referee;
-use crate::run::RunConfig;
+use crate::run::{Frame, RunConfig};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scene, draw_start, robot_truth};
 use crate::survey::{Moment, survey};
@@ -159,6 +159,13 @@ fn one_scene(
         mission::archive::save(&surveyed.world, folder.path())?;
         folder.write("scene_graph.txt", mission::dsg::scene_graph_text(graph).as_bytes())?;
         write_building(&folder, building)?;
+        let frame = Frame {
+            position_m: last_frame.translation.vector.into(),
+            yaw_rad: last_frame.rotation.euler_angles().2,
+            floor_m: floor_z_m,
+        };
+        folder.write("truth/frame.json", &serde_json::to_vec_pretty(&frame)?)?;
+        folder.write("truth/points.json", &serde_json::to_vec(&witness.points_on)?)?;
         folder.write("mistakes.txt", (mistakes.join("\n") + "\n").as_bytes())?;
         folder.write(MARK, &serde_json::to_vec_pretty(&scored)?)?;
         folder.publish()?;

@@ -11,8 +11,12 @@ use dsg::{Object, RelationKind};
 const FACE_ERROR_M: f64 = 0.06;
 /// ... and what no number of looks removes: voxels and drift.
 const FACE_FLOOR_M: f64 = 0.015;
-/// "On" allows so much air or overlap between the two faces.
-const CONTACT_M: f64 = 0.15;
+/// "On" allows so much air or overlap between the two faces: the foot of a monitor is too thin to be seen.
+const CONTACT_M: f64 = 0.35;
+/// ... and so much between the footprints: of a counter higher than the eyes only the front is seen.
+const UNSEEN_TOP_M: f64 = 0.40;
+/// "Above" and "under" allow so much between the footprints: a picture hangs on the wall behind the sofa.
+const BEHIND_M: f64 = 0.25;
 /// Largest gap of things that are near each other, as in the graph's own proposal.
 const NEAR_M: f64 = 1.1;
 
@@ -29,10 +33,16 @@ pub fn geometric_score(subject: &Object, object: &Object, kind: RelationKind) ->
             // A support is hollow (a chair's seat is below its back): sinking in counts from the support's own top third.
             let depth_m = (b.max.z - b.min.z).max(CONTACT_M) * 0.7;
             let under = normal_cdf((depth_m + air_m) / sigma_m);
-            over * under * plan_overlap(subject, object, sigma_m)
+            over * under * plan_overlap(subject, object, UNSEEN_TOP_M, sigma_m)
         }
-        RelationKind::Above => normal_cdf((a.min.z - b.max.z) / sigma_m) * plan_overlap(subject, object, sigma_m),
-        RelationKind::Under => normal_cdf((b.min.z - a.max.z) / sigma_m) * plan_overlap(subject, object, sigma_m),
+        RelationKind::Above => {
+            normal_cdf((a.min.z - b.max.z) / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
+        }
+        // Also what stands beneath a table top, within the table's box.
+        RelationKind::Under => {
+            let head_m = (b.min.z - a.max.z).max(b.max.z - a.max.z - CONTACT_M.min(0.05));
+            normal_cdf(head_m / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
+        }
         RelationKind::Inside => {
             let sticks_out_m = (0..3)
                 .map(|axis| (b.min[axis] - a.min[axis]).max(a.max[axis] - b.max[axis]))
@@ -47,12 +57,13 @@ fn face_error_m(object: &Object) -> f64 {
     FACE_FLOOR_M.hypot(FACE_ERROR_M / f64::from(object.observations.max(1)).sqrt())
 }
 
-/// Probability that the two overlap seen from above: the gap between the footprints, negative where they do.
-fn plan_overlap(subject: &Object, object: &Object, sigma_m: f64) -> f64 {
+/// Probability that seen from above the two are at most `apart_m` apart: the gap between the footprints is negative where they
+/// overlap.
+fn plan_overlap(subject: &Object, object: &Object, apart_m: f64, sigma_m: f64) -> f64 {
     let (a, b) = (&subject.bounds, &object.bounds);
     let gap_m =
         (0..2).map(|axis| (b.min[axis] - a.max[axis]).max(a.min[axis] - b.max[axis])).fold(f64::NEG_INFINITY, f64::max);
-    normal_cdf(-gap_m / sigma_m)
+    normal_cdf((apart_m - gap_m) / sigma_m)
 }
 
 /// Standard normal distribution function by the logistic that comes nearest to it (error below 0.01).

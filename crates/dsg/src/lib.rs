@@ -107,6 +107,7 @@ pub mod rooms;
 mod sight;
 pub mod spark;
 mod spark_attributes;
+mod support;
 pub mod text;
 pub mod vote;
 mod write;

@@ -1,9 +1,10 @@
 //! What the builder remembers of an object besides the node: its points with their recency, its captions and its colour.
 //!
 //! The points are kept as a bounded set of voxel means. A box fitted to them must do two things at once: cover sides that
-//! were seen once from the other end of the room, and follow the newest evidence when the map frame has drifted. So a stale
-//! voxel goes only if it lies closer to fresh voxels than the frame can have drifted since: then it is the same surface,
-//! seen before the drift. A stale voxel farther away is a side that is not in view now, and stays.
+//! were seen once from the other end of the room, and follow the newest evidence when the map frame has drifted. So stale
+//! voxels go only where the fresh ones do *not* lie on what was known (else nothing has drifted, and a glimpse of one corner
+//! from afar must not eat the rest of the thing), and only those closer to fresh voxels than the frame can have drifted since:
+//! they are the same surface, seen before the drift. A stale voxel farther away is a side that is not in view now, and stays.
 
 use std::collections::BTreeMap;
 
@@ -21,6 +22,8 @@ const MAX_CELLS: usize = 1024;
 const NEWEST_SHARE: f32 = 0.3;
 /// A voxel not hit for this long (in frames that showed the object) is stale.
 const FRESH_S: f64 = 8.0;
+/// Where so many of the fresh voxels lie on stale ones, nothing has drifted.
+const SETTLED_SHARE: f64 = 0.3;
 /// Share of the weight trimmed at each end of each axis of a box.
 const TRIM: f64 = 0.015;
 /// Labels whose captions are kept.
@@ -222,9 +225,16 @@ impl ObjectMemory {
         if fresh.len() < 3 || fresh.len() == self.cells.len() {
             return;
         }
+        // Fresh voxels that were known before, or lie within a voxel of stale ones: the frame is where it was.
+        let stale: Vec<Point3<f32>> = self.cells.iter().filter(|c| age_s(c) > FRESH_S).map(|c| c.mean).collect();
+        let is_known = |p: &&Point3<f32>| stale.iter().any(|s| (s - **p).norm_squared() <= (VOXEL_M * VOXEL_M) as f32);
+        let stride = fresh.len().div_ceil(160);
+        let known = fresh.iter().step_by(stride).filter(is_known).count();
+        if known as f64 >= SETTLED_SHARE * fresh.len().div_ceil(stride) as f64 {
+            return;
+        }
         let around = Aabb::around(fresh.iter().map(|point| point.cast::<f64>()));
         // A bounded, evenly spread sample is enough to tell near from far.
-        let stride = fresh.len().div_ceil(160);
         let sample: Vec<Point3<f32>> = fresh.into_iter().step_by(stride).collect();
         self.cells.retain(|cell| {
             let age_s = age_s(cell);

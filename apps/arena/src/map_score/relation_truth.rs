@@ -5,8 +5,8 @@
 //!   book between two boards of a shelf), otherwise on.
 //! - *above*, *under*: one room, a vertical gap of 0.10 to 1.5 m, and at least half of the smaller footprint over the other
 //!   one's, which is grown by 0.25 m (a picture hangs on the wall behind the sofa); under is above, seen from below.
-//! - *near*: boxes at most 1.0 m apart, neither carrying the other, and a free line of sight, between the middles or over
-//!   both tops, of which the ends lie 0.15 m outside the boxes; of more than eight the nearest eight of either one.
+//! - *near*: boxes at most 1.0 m apart, neither carrying the other, and a free line of sight from box to box, between the
+//!   middles or 0.15 m over both tops; of more than eight the nearest eight of either one.
 //! - *between*: near to both others, which stand on opposite sides (150 degrees seen from above), middles at most 0.6 m
 //!   higher or lower, at most 4.0 m in all; of more than two pairs the shortest two.
 //!
@@ -30,7 +30,9 @@ const MOST_NEAR: usize = 8;
 const TOUCHING_M: f64 = 0.10;
 const ABOVE_M: f64 = 1.5;
 const BEHIND_M: f64 = 0.25;
-const SIGHT_MARGIN_M: f64 = 0.15;
+const OVER_TOPS_M: f64 = 0.15;
+/// Rays begin so far outside of the boxes. A robot needs more, for its map is coarse; a wall is not skipped by a centimetre.
+const BESIDE_M: f64 = 0.01;
 const BETWEEN_M: f64 = 4.0;
 const LEVEL_M: f64 = 0.6;
 const COS_OPPOSITE: f64 = -0.866;
@@ -169,7 +171,7 @@ fn in_sight(world: &World, a: &ObjectTruth, b: &ObjectTruth) -> Holds {
 
 /// Whether the line between the middles or the one over both tops is free, moved by `shift`.
 fn is_seen(world: &World, a: &ObjectTruth, b: &ObjectTruth, shift: &Vector3<f64>) -> bool {
-    let over_m = a.bounds.max.z.max(b.bounds.max.z) + SIGHT_MARGIN_M;
+    let over_m = a.bounds.max.z.max(b.bounds.max.z) + OVER_TOPS_M;
     let (p, q) = (a.bounds.center(), b.bounds.center());
     let lifted = |point: &Point3<f64>| Point3::new(point.x, point.y, over_m);
     [(p, q), (lifted(&p), lifted(&q))].into_iter().any(|(from, to)| {
@@ -184,8 +186,8 @@ fn is_seen(world: &World, a: &ObjectTruth, b: &ObjectTruth, shift: &Vector3<f64>
 fn leave(from: &Point3<f64>, to: &Point3<f64>, bounds: &Bounds) -> Point3<f64> {
     let way = to - from;
     let share = |k: usize| match way[k] {
-        step if step > 0.0 => (bounds.max[k] + SIGHT_MARGIN_M - from[k]) / step,
-        step if step < 0.0 => (bounds.min[k] - SIGHT_MARGIN_M - from[k]) / step,
+        step if step > 0.0 => (bounds.max[k] + BESIDE_M - from[k]) / step,
+        step if step < 0.0 => (bounds.min[k] - BESIDE_M - from[k]) / step,
         _ => f64::INFINITY,
     };
     let share = share(0).min(share(1));
