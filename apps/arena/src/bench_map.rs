@@ -210,10 +210,7 @@ mod tests {
         assert_eq!(keys(&pooled["objects"]["precision"]), ["hits", "of", "value"]);
         assert_eq!(keys(&pooled["objects"]["centroid_error_m"]), ["count", "median", "p90"]);
         assert_eq!(keys(&pooled["relations"]["after_eq7"]), ["precision", "recall", "unsure"]);
-        assert_eq!(
-            keys(&pooled["relations"]["kinds"]),
-            ["above", "between", "inside", "near", "on", "under"]
-        );
+        assert_eq!(keys(&pooled["relations"]["kinds"]), ["above", "between", "inside", "near", "on", "under"]);
         assert!(pooled["objects"]["precision"]["value"].is_null(), "nothing was counted");
     }
 

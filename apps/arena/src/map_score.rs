@@ -166,7 +166,10 @@ fn object_mistakes(
     let mut mistakes = Vec::new();
     let at = |bounds: &Bounds| {
         let (middle, sides) = (bounds.center(), bounds.max - bounds.min);
-        format!("at {:.2} {:.2} {:.2}, {:.2} x {:.2} x {:.2} m", middle.x, middle.y, middle.z, sides.x, sides.y, sides.z)
+        format!(
+            "at {:.2} {:.2} {:.2}, {:.2} x {:.2} x {:.2} m",
+            middle.x, middle.y, middle.z, sides.x, sides.y, sides.z
+        )
     };
     for (thing, object) in std::iter::zip(things, &matching.known_of_thing) {
         let points = points_on.get(&thing.id).copied().unwrap_or(0);
@@ -242,7 +245,12 @@ fn relation_mistakes(
         if evidence.verdict == mission::dsg::Verdict::Holds && !truth.contains_key(key) {
             let rooms = (building.object(key.0).map(|o| o.room), building.object(key.2).map(|o| o.room));
             let across = if rooms.0 == rooms.1 { "" } else { " (two rooms)" };
-            mistakes.push(format!("not true: {}{across}, {:.1} m, score {:.2}", say(key), evidence.distance_m, evidence.score));
+            mistakes.push(format!(
+                "not true: {}{across}, {:.1} m, score {:.2}",
+                say(key),
+                evidence.distance_m,
+                evidence.score
+            ));
         }
     }
     for key in truth.iter().filter(|(_, holds)| **holds == Holds::Yes).map(|(key, _)| key) {

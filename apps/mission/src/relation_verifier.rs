@@ -38,9 +38,10 @@ pub fn geometric_score(subject: &Object, object: &Object, kind: RelationKind) ->
         RelationKind::Above => {
             normal_cdf((a.min.z - b.max.z) / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
         }
-        // Also what stands beneath a table top, within the table's box.
         RelationKind::Under => {
-            let head_m = (b.min.z - a.max.z).max(b.max.z - a.max.z - CONTACT_M.min(0.05));
+            // What stands beneath a table top lies within the table's box.
+            let roof_m = if a.max.z <= b.min.z { b.min.z } else { b.max.z };
+            let head_m = roof_m - a.max.z;
             normal_cdf(head_m / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
         }
         RelationKind::Inside => {
@@ -97,10 +98,25 @@ mod tests {
     }
 
     #[test]
+    fn a_bin_under_a_desk_stands_within_the_desks_box() {
+        let desk = thing(1, [0.0, 0.0, 0.37], [1.4, 0.8, 0.74], 20);
+        let bin = |z_m: f64| thing(2, [0.3, 0.2, z_m], [0.3, 0.3, 0.4], 10);
+        assert!(geometric_score(&bin(0.2), &desk, RelationKind::Under) > 0.9);
+        assert!(geometric_score(&bin(0.9), &desk, RelationKind::Under) < 0.1);
+    }
+
+    #[test]
+    fn a_monitor_whose_foot_was_not_seen_is_on_its_desk() {
+        let desk = thing(1, [0.0, 0.0, 0.37], [1.4, 0.8, 0.74], 20);
+        let monitor = thing(2, [0.0, 0.2, 1.14], [0.5, 0.1, 0.4], 20);
+        assert!(geometric_score(&monitor, &desk, RelationKind::On) > 0.9);
+    }
+
+    #[test]
     fn what_hangs_on_a_centimetre_is_doubtful_until_it_was_seen_often() {
         let shelf = |n| thing(1, [0.0, 0.0, 1.0], [1.0, 0.4, 0.1], n);
-        // Its footprint ends 3 cm before the shelf's.
-        let box_ = |n| thing(2, [0.0, 0.28, 1.3], [0.2, 0.1, 0.2], n);
+        // Its footprint ends 3 cm farther from the shelf's than "above" allows.
+        let box_ = |n| thing(2, [0.0, 0.53, 1.3], [0.2, 0.1, 0.2], n);
         let once = geometric_score(&box_(1), &shelf(1), RelationKind::Above);
         let often = geometric_score(&box_(100), &shelf(100), RelationKind::Above);
         assert!(once > 0.3 && often < 0.1, "{once} {often}");

@@ -244,7 +244,9 @@ pub fn map(options: &MapOptions) -> Result<ExitCode> {
 }
 
 fn print_map(result: &BenchMap) {
-    arena::say!("     scene rooms objects  prec  rec  dup label  cm  rooms doors  relations prec/rec  groups  ids changed");
+    arena::say!(
+        "     scene rooms objects  prec  rec  dup label  cm  rooms doors  relations prec/rec  groups  ids changed"
+    );
     let value = |ratio: &Ratio| ratio.value.map_or("   -".to_owned(), |value| format!("{value:.2}"));
     let row = |name: &str, rooms: usize, score: &MapScore| {
         let (objects, relations) = (&score.objects, &score.relations.after_eq7);
@@ -296,7 +298,9 @@ fn print_map(result: &BenchMap) {
         all.room_ids.rooms,
         all.room_ids.looks
     );
-    arena::say!("relations                     precision            recall               within the error of measurement");
+    arena::say!(
+        "relations                     precision            recall               within the error of measurement"
+    );
     let stages = [
         ("as proposed", &all.relations.proposed),
         ("after Eq. 6", &all.relations.after_eq6),
@@ -325,9 +329,6 @@ fn chosen_scenes(scenes: usize, only: &[usize]) -> Result<Vec<usize>> {
 }
 
 fn checked_noise(noise: f64) -> Result<f64> {
-    anyhow::ensure!(
-        noise.is_finite() && noise >= 0.0,
-        "--noise must be a number that is not negative, not {noise}"
-    );
+    anyhow::ensure!(noise.is_finite() && noise >= 0.0, "--noise must be a number that is not negative, not {noise}");
     Ok(noise)
 }

@@ -54,7 +54,7 @@ const TOGETHER: &[&[&str]] = &[
 const CENTERS: &[&str] = &[
     "dining table", "kitchen table", "meeting table", "conference table", "reception desk", "desk", "workbench", "lab bench", "bed",
     "sofa", "kitchen counter", "counter", "sink", "stove", "bookshelf", "shelf", "storage rack", "sideboard", "dresser", "cabinet",
-    "filing cabinet", "console table", "toilet", "bathtub",
+    "filing cabinet", "console table", "copier", "toilet", "bathtub",
 ];
 
 /// Units that stand in a row and are used as one.

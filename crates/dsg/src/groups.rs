@@ -301,6 +301,26 @@ mod tests {
     }
 
     #[test]
+    fn what_merely_stands_close_by_does_not_join_and_two_desks_stay_two() {
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("monitor", 0.0, 0.5),
+            ("desk", 0.6, 0.0),
+            ("monitor", 0.6, 0.5),
+            ("plant", 0.0, -0.6),
+        ]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let members: Vec<_> = graph.groups().map(|group| group.members.clone()).collect();
+        assert_eq!(members, [[ObjectId(1), ObjectId(2)], [ObjectId(3), ObjectId(4)]]);
+        // Kitchen units that touch are one row.
+        let mut graph =
+            scene(&[("counter", 0.0, 0.0), ("sink", 0.55, 0.0), ("stove", 1.1, 0.0), ("counter", 2.0, 0.0)]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let members: Vec<_> = graph.groups().map(|group| group.members.clone()).collect();
+        assert_eq!(members, [[ObjectId(1), ObjectId(2), ObjectId(3)]]);
+    }
+
+    #[test]
     fn two_desks_have_two_names() {
         let mut graph = scene(&[("desk", 0.0, 0.0), ("monitor", 0.0, 0.6), ("desk", 6.0, 0.0), ("monitor", 6.0, 0.6)]);
         update_groups(&mut graph, &GroupConfig::default()).unwrap();

@@ -411,6 +411,47 @@ mod tests {
     }
 
     #[test]
+    fn a_thin_wall_parts_two_rooms_and_a_doorway_joins_them() {
+        use crate::ids::RoomId;
+        use crate::room::{Room, RoomEdge};
+        let mut graph = scene(&[
+            ("picture", [-0.08, 0.0, 1.5], [0.04, 0.6, 0.5]),
+            ("cabinet", [0.35, 0.0, 0.6], [0.5, 0.5, 1.2]),
+            ("plant", [-0.3, 2.0, 0.4], [0.3, 0.3, 0.8]),
+            ("box", [0.3, 2.0, 0.2], [0.3, 0.3, 0.4]),
+        ]);
+        for room in [1, 2] {
+            graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(room), Point3::origin())))).unwrap();
+        }
+        for (id, room) in [(1, 1), (2, 2), (3, 1), (4, 2)] {
+            let object = graph.object(ObjectId(id)).unwrap().clone();
+            graph.apply(Op::PutObject(Box::new(Object { room: Some(RoomId(room)), ..object }))).unwrap();
+        }
+        let door = RoomEdge { a: RoomId(1), b: RoomId(2), doorway: Point3::new(0.0, 2.0, 1.0), width_m: 1.0 };
+        graph.apply(Op::PutRoomEdge(door)).unwrap();
+        update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
+        assert_eq!(found(&graph), ["O3 near O4"], "not through the wall, and nothing hangs over what is behind it");
+    }
+
+    #[test]
+    fn a_monitor_on_a_desk_is_not_over_its_keyboard() {
+        use crate::ids::RoomId;
+        use crate::room::Room;
+        let mut graph = scene(&[
+            ("desk", [0.0, 0.0, 0.37], [1.4, 0.8, 0.74]),
+            ("monitor", [0.0, 0.1, 1.15], [0.5, 0.3, 0.4]),
+            ("keyboard", [0.0, -0.1, 0.76], [0.4, 0.15, 0.03]),
+        ]);
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
+        for id in 1..=3 {
+            let object = graph.object(ObjectId(id)).unwrap().clone();
+            graph.apply(Op::PutObject(Box::new(Object { room: Some(RoomId(1)), ..object }))).unwrap();
+        }
+        update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
+        assert_eq!(found(&graph), ["O2 near O3", "O2 on O1", "O3 on O1"]);
+    }
+
+    #[test]
     fn a_table_top_does_not_part_what_stands_on_it() {
         let mut graph =
             scene(&[("mug", [0.0, 0.0, 0.80], [0.08, 0.08, 0.10]), ("sink", [0.8, 0.0, 0.70], [0.5, 0.4, 0.2])]);

@@ -122,7 +122,8 @@ mod tests {
 
     #[test]
     fn a_table_its_chairs_and_what_lies_on_it_are_one_group() {
-        let mut things: Vec<ObjectTruth> = (1..=5).map(|id| thing(id, "thing", [f64::from(id), 0.0, 0.0], 0.5)).collect();
+        let mut things: Vec<ObjectTruth> =
+            (1..=5).map(|id| thing(id, "thing", [f64::from(id), 0.0, 0.0], 0.5)).collect();
         // 3 is the table; 4 a chair at it; 1 a mug on it; 2 lies on the chair; 5 is alone.
         things[3].placed_with = Some(3);
         things[0].supported_by = Some(3);

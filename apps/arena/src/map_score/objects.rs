@@ -197,8 +197,11 @@ mod tests {
 
     #[test]
     fn right_wrong_name_double_false_alarm_and_missed_by_hand() {
-        let things =
-            [thing(1, "chair", [0.0, 0.0, 0.5], 0.5), thing(2, "stool", [3.0, 0.0, 0.5], 0.5), thing(3, "mug", [6.0, 0.0, 0.5], 0.1)];
+        let things = [
+            thing(1, "chair", [0.0, 0.0, 0.5], 0.5),
+            thing(2, "stool", [3.0, 0.0, 0.5], 0.5),
+            thing(3, "mug", [6.0, 0.0, 0.5], 0.1),
+        ];
         let graph = [
             known(10, "chair", [0.03, 0.04, 0.5], 0.5),
             known(11, "chair", [0.2, 0.0, 0.5], 0.3),

@@ -109,7 +109,8 @@ pub fn place_figures(
 ) -> PlaceFigures {
     let all: Vec<&KnownPlace> = counted(building, places).collect();
     let room_at = |at: &Point3<f64>| building.room_at(at).map(|room| room.id);
-    let is_right = |(at, id): &KnownPlace| id.is_some() && room_at(at).and_then(|room| room_of.get(&room)) == id.as_ref();
+    let is_right =
+        |(at, id): &KnownPlace| id.is_some() && room_at(at).and_then(|room| room_of.get(&room)) == id.as_ref();
     PlaceFigures {
         right_room: Ratio::counted(all.iter().map(|place| is_right(place))),
         outside: all.iter().filter(|(at, _)| room_at(at).is_none()).count(),
@@ -220,9 +221,8 @@ mod tests {
     fn a_room_cut_in_two_keeps_its_larger_half_and_doorway_places_are_left_out() {
         let building = two_rooms();
         // Left room: three places of R1, two of R3. Right: one of R2, one without a room. One in the door, one outside.
-        let places = places(&[
-            (1.0, 1), (1.5, 1), (2.0, 1), (2.5, 3), (3.0, 3), (5.0, 2), (6.0, 0), (4.2, 1), (9.0, 2),
-        ]);
+        let places =
+            places(&[(1.0, 1), (1.5, 1), (2.0, 1), (2.5, 3), (3.0, 3), (5.0, 2), (6.0, 0), (4.2, 1), (9.0, 2)]);
         let room_of = identify_rooms(&building, &places);
         assert_eq!(room_of, BTreeMap::from([(0, RoomId(1)), (1, RoomId(2))]));
         let figures = place_figures(&building, &places, &room_of, 7);
@@ -243,8 +243,11 @@ mod tests {
     fn a_doorway_is_found_within_half_a_metre_and_only_where_both_rooms_were_entered() {
         let building = two_rooms();
         let room_of = BTreeMap::from([(0, RoomId(1)), (1, RoomId(2))]);
-        let doorway =
-            |a: u64, b: u64, x: f64| KnownDoorway { rooms: (RoomId(a), RoomId(b)), at: Point2::new(x, 2.0), width_m: 0.9 };
+        let doorway = |a: u64, b: u64, x: f64| KnownDoorway {
+            rooms: (RoomId(a), RoomId(b)),
+            at: Point2::new(x, 2.0),
+            width_m: 0.9,
+        };
         let figures = |doorways: &[KnownDoorway], entered: &[u32]| {
             let entered = entered.iter().copied().collect();
             doorway_figures(&building, doorways, &find_doors(&building, doorways, &entered), &room_of)

@@ -246,7 +246,8 @@ fn between(things: &[&ObjectTruth], near: &BTreeMap<(u32, u32), (Holds, f64)>) -
             }
         }
         let rivals: Vec<(Holds, f64)> = of_subject.iter().map(|(_, rival)| *rival).collect();
-        let ranked = |(key, (holds, span_m)): (Key, (Holds, f64))| (key, holds.min(among(span_m, &rivals, MOST_BETWEEN)));
+        let ranked =
+            |(key, (holds, span_m)): (Key, (Holds, f64))| (key, holds.min(among(span_m, &rivals, MOST_BETWEEN)));
         found.extend(of_subject.into_iter().map(ranked));
     }
     found
@@ -328,8 +329,10 @@ mod tests {
     fn a_wall_of_furniture_parts_and_a_low_box_does_not() {
         let beside = |height_m: f64| {
             let screen = boxed(3, "cabinet", [0.0, 0.0, height_m / 2.0], [0.1, 3.0, height_m]);
-            let found =
-                truth(&[ROOM], vec![thing(1, "chair", [-0.6, 0.0, 0.4], 0.4), thing(2, "box", [0.6, 0.0, 0.4], 0.4), screen]);
+            let found = truth(
+                &[ROOM],
+                vec![thing(1, "chair", [-0.6, 0.0, 0.4], 0.4), thing(2, "box", [0.6, 0.0, 0.4], 0.4), screen],
+            );
             found.get(&(1, Near, 2, None)).copied()
         };
         assert_eq!(beside(2.0), None);

@@ -80,9 +80,8 @@ pub fn relation_figures(
         }
     };
     let any = |_: &Key| true;
-    let of_kind = |kind: RelationKind| {
-        stage(&|key, verdict| key.1 == kind && *verdict == Verdict::Holds, &|key| key.1 == kind)
-    };
+    let of_kind =
+        |kind: RelationKind| stage(&|key, verdict| key.1 == kind && *verdict == Verdict::Holds, &|key| key.1 == kind);
     RelationFigures {
         proposed: stage(&|_, _| true, &any),
         after_eq6: stage(&|_, verdict| !matches!(verdict, Verdict::Blocked(_)), &any),
