@@ -185,6 +185,9 @@ pub fn scan(
     scan_with_truth(world, motion, mount, config, start_ns).map(|(record, _)| record)
 }
 
+/// Points and the instance of each.
+type PointsWithTruth = (Vec<LidarPoint>, Vec<InstanceId>);
+
 /// The same scan, and beside it the instance that each of its points lies on: for a referee.
 pub fn scan_with_truth(
     world: &World,
@@ -201,7 +204,7 @@ pub fn scan_with_truth(
     let directions = beam_directions(config);
     let columns: Vec<u32> = (0..config.columns).collect();
     // 64 columns a task: enough work to pay for a thread's attention.
-    let parts: Result<Vec<(Vec<LidarPoint>, Vec<InstanceId>)>, LidarError> = columns
+    let parts: Result<Vec<PointsWithTruth>, LidarError> = columns
         .par_chunks(64)
         .map(|chunk| {
             let mut points = Vec::with_capacity(chunk.len() * directions.len());
