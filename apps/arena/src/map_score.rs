@@ -201,8 +201,13 @@ fn object_mistakes(
     mistakes
 }
 
+/// The room that a place lies in, and the one it has in the graph.
+type TrueAndKnown = (Option<u32>, Option<RoomId>);
+/// Places, and the sums of their coordinates.
+type CountAndSums = (usize, f64, f64);
+
 fn place_mistakes(building: &Building, places: &[KnownPlace], room_of: &BTreeMap<u32, RoomId>) -> Vec<String> {
-    let mut wrong: BTreeMap<(Option<u32>, Option<RoomId>), (usize, f64, f64)> = BTreeMap::new();
+    let mut wrong: BTreeMap<TrueAndKnown, CountAndSums> = BTreeMap::new();
     for (at, id) in places {
         let room = building.room_at(at).map(|room| room.id);
         if id.is_none() || room.is_none() || room.and_then(|room| room_of.get(&room)) != id.as_ref() {
@@ -214,7 +219,7 @@ fn place_mistakes(building: &Building, places: &[KnownPlace], room_of: &BTreeMap
         Some(room) => format!("room {} ({})", room.id, room.name),
         None => "no room".to_owned(),
     };
-    let sentence = |((room, id), (count, x, y)): ((Option<u32>, Option<RoomId>), (usize, f64, f64))| {
+    let sentence = |((room, id), (count, x, y)): (TrueAndKnown, CountAndSums)| {
         let known = id.map_or("nothing".to_owned(), |id| id.to_string());
         let truly = room_of.iter().find(|(_, known)| Some(**known) == id).map(|(room, _)| *room);
         let mean = (x / count as f64, y / count as f64);
