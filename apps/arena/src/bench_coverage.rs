@@ -164,9 +164,9 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Surve
     let mut first_known: Vec<Option<f64>> = vec![None; scene.building.objects.len()];
     let mut truth_from_map = Isometry3::identity();
     let floor_z_m = referee.floor().floor_z_m;
-    let world = survey(config, robot, &scene, &start, &tour, floor_z_m, seed, &mut |now_s, moment| match moment {
+    let surveyed = survey(config, robot, &scene, &start, &tour, floor_z_m, seed, &mut |now_s, moment| match moment {
         Moment::Scan(scan) => directions.see(scan),
-        Moment::Refreshed(world, frame) => {
+        Moment::Refreshed { world, truth_from_map: frame, .. } => {
             truth_from_map = frame;
             for (truth, known) in
                 matches(&scene.building.objects, &world.graph, &frame).into_iter().zip(&mut first_known)
@@ -175,6 +175,7 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Surve
             }
         }
     })?;
+    let world = surveyed.world;
     let score = Score::of(&scene.building.objects, &world.graph, &truth_from_map);
     let eye_m = robot.stance_height_m + robot.sensors.body_from_lidar_stator.translation.vector.z;
     let surface = visible_surface(&scene, &tour, referee.floor().floor_z_m + eye_m);

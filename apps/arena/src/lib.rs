@@ -5,6 +5,7 @@
 //! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
 
 pub mod bench_coverage;
+pub mod bench_map;
 pub mod bench_nav;
 pub mod body;
 pub mod chart;
@@ -14,6 +15,7 @@ pub mod drift;
 pub mod estimate_frame;
 pub mod floor;
 pub mod map_picture;
+pub mod map_score;
 pub mod options;
 pub mod pilot;
 pub mod progress;

@@ -1,5 +1,7 @@
 //! The world's side of the stream: body and physics, sensors, and on request an odometry with a drift of a known size. What leaves it is what a robot could know.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, Result};
 use mission::omni_perception::{
     EncoderSample, Equirectangular, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage,
@@ -13,7 +15,7 @@ use mission::stream::{Command, SensorEvent};
 use nalgebra::Isometry3;
 use omni_sim::encoder::{EncoderConfig, encoder_sample};
 use omni_sim::imu::{Imu, ImuConfig};
-use omni_sim::lidar::{LidarConfig, RotatingMount, scan};
+use omni_sim::lidar::{LidarConfig, RotatingMount, scan_with_truth};
 use omni_sim::motion::KinematicState;
 use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
 use omni_sim::render::render;
@@ -104,6 +106,8 @@ pub struct Simulation<'a> {
     next_scan_ns: i64,
     next_panorama_ns: i64,
     touches: Vec<Touch>,
+    /// LiDAR points on each instance so far.
+    points_on: BTreeMap<u32, u64>,
     /// Lenses in place of the panoramic camera.
     surround: Option<Surround>,
     /// Segments the pictures instead of the simulated segmenter.
@@ -154,6 +158,7 @@ impl<'a> Simulation<'a> {
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
+            points_on: BTreeMap::new(),
             surround,
             service: None,
             phrases: (Vec::new(), Vec::new()),
@@ -232,6 +237,11 @@ impl<'a> Simulation<'a> {
         render(&self.scene.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
     }
 
+    /// How many LiDAR points each instance got so far; 0 is the structure.
+    pub fn lidar_points_on(&self) -> &BTreeMap<u32, u64> {
+        &self.points_on
+    }
+
     /// Every touch so far.
     pub fn touches(&self) -> &[Touch] {
         &self.touches
@@ -305,9 +315,14 @@ impl<'a> Simulation<'a> {
         Ok(())
     }
 
-    fn scan(&self) -> Result<RawScan> {
-        let record = scan(&self.scene.world, self.body.motion(), &self.mount, &self.config.lidar, self.next_scan_ns)
+    fn scan(&mut self) -> Result<RawScan> {
+        let (world, motion) = (&self.scene.world, self.body.motion());
+        let (record, instances) = scan_with_truth(world, motion, &self.mount, &self.config.lidar, self.next_scan_ns)
             .context("casting a scan")?;
+        // A row of points on one thing is counted at once.
+        for row in instances.chunk_by(|a, b| a == b) {
+            *self.points_on.entry(row[0]).or_insert(0) += row.len() as u64;
+        }
         Ok(RawScan {
             start: Stamp(record.start_ns),
             points: record

@@ -2,6 +2,8 @@
 //!
 //! No mission: nothing is decided, so that two arms of an experiment see from the same places.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, Result};
 use mission::odometer::with_poses;
 use mission::omni_perception::RawScan;
@@ -21,8 +23,25 @@ use crate::tour::Tour;
 pub enum Moment<'a> {
     /// A scan came in.
     Scan(&'a RawScan),
-    /// The robot's side has drawn its conclusions; where its map lies in the building goes with it.
-    Refreshed(&'a WorldModel, Isometry3<f64>),
+    /// The robot's side has drawn its conclusions.
+    Refreshed {
+        /// They are in here.
+        world: &'a WorldModel,
+        /// Where its map lies in the building.
+        truth_from_map: Isometry3<f64>,
+        /// Where the robot truly is.
+        truth_from_body: Isometry3<f64>,
+    },
+}
+
+/// The end of a survey.
+pub struct Surveyed {
+    /// What is known.
+    pub world: WorldModel,
+    /// How many LiDAR points each instance got.
+    pub points_on: BTreeMap<u32, u64>,
+    /// How long it took.
+    pub sim_s: f64,
 }
 
 /// Control period.
@@ -42,7 +61,7 @@ pub fn survey(
     floor_z_m: f64,
     seed: u64,
     observe: &mut dyn FnMut(f64, Moment),
-) -> Result<WorldModel> {
+) -> Result<Surveyed> {
     let start_in_map = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
     let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
     let mut clock = StageClock::new(config.cpu_scope);
@@ -51,23 +70,30 @@ pub fn survey(
     let pilot_config = PilotConfig { flight_height_m: config.mission.flight_height_m, ..PilotConfig::default() };
     let mut pilot = Pilot::new(pilot_config, robot, tour, start, floor_z_m);
     let mut next_refresh_s = 0.0;
-    while !pilot.is_over(simulation.seconds()) {
+    loop {
         let now_s = simulation.seconds();
-        let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &simulation.true_pose());
-        for event in simulation.advance(&command, STEP_NS, &mut clock)? {
-            if let SensorEvent::Scan(scan) = &event {
-                observe(now_s, Moment::Scan(scan));
-            }
-            for event in with_poses(&mut odometer, event, &mut clock) {
-                world.see(event, &mut clock);
+        let is_over = pilot.is_over(now_s);
+        if !is_over {
+            let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &simulation.true_pose());
+            for event in simulation.advance(&command, STEP_NS, &mut clock)? {
+                if let SensorEvent::Scan(scan) = &event {
+                    observe(now_s, Moment::Scan(scan));
+                }
+                for event in with_poses(&mut odometer, event, &mut clock) {
+                    world.see(event, &mut clock);
+                }
             }
         }
-        if now_s >= next_refresh_s {
+        // At the end once more, for what the last images brought.
+        if is_over || now_s >= next_refresh_s {
             next_refresh_s = now_s + config.mission.refresh_period_s;
             world.refresh(now_s, &mut clock);
             let truth_from_map = start * start_in_map.inverse() * world.frame().map_from_odometry.inverse();
-            observe(now_s, Moment::Refreshed(&world, truth_from_map));
+            let truth_from_body = simulation.true_pose();
+            observe(now_s, Moment::Refreshed { world: &world, truth_from_map, truth_from_body });
+        }
+        if is_over {
+            return Ok(Surveyed { world, points_on: simulation.lidar_points_on().clone(), sim_s: now_s });
         }
     }
-    Ok(world)
 }

@@ -11,8 +11,12 @@ use dsg::{Object, RelationKind};
 const FACE_ERROR_M: f64 = 0.06;
 /// ... and what no number of looks removes: voxels and drift.
 const FACE_FLOOR_M: f64 = 0.015;
-/// "On" allows so much air or overlap between the two faces.
-const CONTACT_M: f64 = 0.15;
+/// "On" allows so much air or overlap between the two faces: the foot of a monitor is too thin to be seen.
+const CONTACT_M: f64 = 0.35;
+/// ... and so much between the footprints: of a counter higher than the eyes only the front is seen.
+const UNSEEN_TOP_M: f64 = 0.40;
+/// "Above" and "under" allow so much between the footprints: a picture hangs on the wall behind the sofa.
+const BEHIND_M: f64 = 0.25;
 /// Largest gap of things that are near each other, as in the graph's own proposal.
 const NEAR_M: f64 = 1.1;
 
@@ -29,10 +33,17 @@ pub fn geometric_score(subject: &Object, object: &Object, kind: RelationKind) ->
             // A support is hollow (a chair's seat is below its back): sinking in counts from the support's own top third.
             let depth_m = (b.max.z - b.min.z).max(CONTACT_M) * 0.7;
             let under = normal_cdf((depth_m + air_m) / sigma_m);
-            over * under * plan_overlap(subject, object, sigma_m)
+            over * under * plan_overlap(subject, object, UNSEEN_TOP_M, sigma_m)
         }
-        RelationKind::Above => normal_cdf((a.min.z - b.max.z) / sigma_m) * plan_overlap(subject, object, sigma_m),
-        RelationKind::Under => normal_cdf((b.min.z - a.max.z) / sigma_m) * plan_overlap(subject, object, sigma_m),
+        RelationKind::Above => {
+            normal_cdf((a.min.z - b.max.z) / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
+        }
+        RelationKind::Under => {
+            // What stands beneath a table top lies within the table's box.
+            let roof_m = if a.max.z <= b.min.z { b.min.z } else { b.max.z };
+            let head_m = roof_m - a.max.z;
+            normal_cdf(head_m / sigma_m) * plan_overlap(subject, object, BEHIND_M, sigma_m)
+        }
         RelationKind::Inside => {
             let sticks_out_m = (0..3)
                 .map(|axis| (b.min[axis] - a.min[axis]).max(a.max[axis] - b.max[axis]))
@@ -47,12 +58,13 @@ fn face_error_m(object: &Object) -> f64 {
     FACE_FLOOR_M.hypot(FACE_ERROR_M / f64::from(object.observations.max(1)).sqrt())
 }
 
-/// Probability that the two overlap seen from above: the gap between the footprints, negative where they do.
-fn plan_overlap(subject: &Object, object: &Object, sigma_m: f64) -> f64 {
+/// Probability that seen from above the two are at most `apart_m` apart: the gap between the footprints is negative where they
+/// overlap.
+fn plan_overlap(subject: &Object, object: &Object, apart_m: f64, sigma_m: f64) -> f64 {
     let (a, b) = (&subject.bounds, &object.bounds);
     let gap_m =
         (0..2).map(|axis| (b.min[axis] - a.max[axis]).max(a.min[axis] - b.max[axis])).fold(f64::NEG_INFINITY, f64::max);
-    normal_cdf(-gap_m / sigma_m)
+    normal_cdf((apart_m - gap_m) / sigma_m)
 }
 
 /// Standard normal distribution function by the logistic that comes nearest to it (error below 0.01).
@@ -86,10 +98,25 @@ mod tests {
     }
 
     #[test]
+    fn a_bin_under_a_desk_stands_within_the_desks_box() {
+        let desk = thing(1, [0.0, 0.0, 0.37], [1.4, 0.8, 0.74], 20);
+        let bin = |z_m: f64| thing(2, [0.3, 0.2, z_m], [0.3, 0.3, 0.4], 10);
+        assert!(geometric_score(&bin(0.2), &desk, RelationKind::Under) > 0.9);
+        assert!(geometric_score(&bin(0.9), &desk, RelationKind::Under) < 0.1);
+    }
+
+    #[test]
+    fn a_monitor_whose_foot_was_not_seen_is_on_its_desk() {
+        let desk = thing(1, [0.0, 0.0, 0.37], [1.4, 0.8, 0.74], 20);
+        let monitor = thing(2, [0.0, 0.2, 1.14], [0.5, 0.1, 0.4], 20);
+        assert!(geometric_score(&monitor, &desk, RelationKind::On) > 0.9);
+    }
+
+    #[test]
     fn what_hangs_on_a_centimetre_is_doubtful_until_it_was_seen_often() {
         let shelf = |n| thing(1, [0.0, 0.0, 1.0], [1.0, 0.4, 0.1], n);
-        // Its footprint ends 3 cm before the shelf's.
-        let box_ = |n| thing(2, [0.0, 0.28, 1.3], [0.2, 0.1, 0.2], n);
+        // Its footprint ends 3 cm farther from the shelf's than "above" allows.
+        let box_ = |n| thing(2, [0.0, 0.53, 1.3], [0.2, 0.1, 0.2], n);
         let once = geometric_score(&box_(1), &shelf(1), RelationKind::Above);
         let often = geometric_score(&box_(100), &shelf(100), RelationKind::Above);
         assert!(once > 0.3 && often < 0.1, "{once} {often}");

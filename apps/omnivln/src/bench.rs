@@ -1,13 +1,17 @@
-//! `omnivln bench nav` and `bench coverage`.
+//! `omnivln bench nav`, `bench coverage` and `bench map`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
 use arena::bench_coverage::{BenchCoverage, Coverage, bench_coverage};
+use arena::bench_map::{BenchMap, bench_map};
 use arena::bench_nav::{BenchNav, bench_nav};
 use arena::cli::{load_robot, stop_at_ctrl_c};
+use arena::map_score::MapScore;
+use arena::map_score::ratio::{Ratio, Spread};
 use arena::mission::robot_model::RobotKind;
+use arena::mission::rooms::RoomConfig;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
 
@@ -67,12 +71,8 @@ pub struct NavOptions {
 /// Runs the bench and prints its table or its JSON.
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let kind = RobotKind::from(options.robot);
-    anyhow::ensure!(options.scenes > 0, "--scenes must be at least 1");
-    anyhow::ensure!(
-        options.noise.is_finite() && options.noise >= 0.0,
-        "--noise must be a number that is not negative, not {}",
-        options.noise
-    );
+    let indices = chosen_scenes(options.scenes, &options.only)?;
+    let noise = checked_noise(options.noise)?;
     anyhow::ensure!(
         options.max_time.is_finite() && options.max_time > 0.0,
         "--max-time must be a positive number of seconds, not {}",
@@ -80,19 +80,14 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     );
     let robot = load_robot(options.urdf.as_deref(), kind)?;
     let mut config = RunConfig { max_time_s: options.max_time, ..RunConfig::default() };
-    config.simulation.segmenter.noise_scale = options.noise;
+    config.simulation.segmenter.noise_scale = noise;
     let stop = stop_at_ctrl_c()?;
-    let all: Vec<usize> = (0..options.scenes).collect();
-    let indices = if options.only.is_empty() { &all } else { &options.only };
-    if let Some(index) = indices.iter().find(|index| **index >= options.scenes) {
-        anyhow::bail!("--only {index}: there are {} scenes, numbered from 0", options.scenes);
-    }
     let result =
-        bench_nav(&robot, kind, indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
+        bench_nav(&robot, kind, &indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
     if options.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
-        print_table(indices, &result);
+        print_table(&indices, &result);
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -190,4 +185,150 @@ fn print_coverage(result: &BenchCoverage) {
     row("", "fixed", &result.mean.fixed);
     row("std", "rotating", &result.std.rotating);
     row("", "fixed", &result.std.fixed);
+}
+
+/// Options of `bench map`.
+#[derive(Debug, Args)]
+pub struct MapOptions {
+    /// The robot
+    #[arg(long, value_enum)]
+    robot: Robot,
+    /// Number of buildings
+    #[arg(long, default_value_t = 20)]
+    scenes: usize,
+    /// Survey only these of the scenes, to look at some again
+    #[arg(long, value_delimiter = ',', value_name = "INDEX")]
+    only: Vec<usize>,
+    /// Seed from which buildings and starts are drawn
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Another robot model
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+    /// Factor on what the segmenter gets wrong
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    noise: f64,
+    /// Cut rooms by the rule of `omnivln rooms` instead of the mission's
+    #[arg(long)]
+    plan_rooms: bool,
+    /// Keep graph, map, truth and a list of what is wrong of every survey below DIR
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the bench and prints its table or its JSON.
+pub fn map(options: &MapOptions) -> Result<ExitCode> {
+    let kind = RobotKind::from(options.robot);
+    let indices = chosen_scenes(options.scenes, &options.only)?;
+    let robot = load_robot(options.urdf.as_deref(), kind)?;
+    let mut config = RunConfig::default();
+    config.simulation.segmenter.noise_scale = checked_noise(options.noise)?;
+    if options.plan_rooms {
+        config.mission.rooms = RoomConfig::default();
+    }
+    let stop = stop_at_ctrl_c()?;
+    let result =
+        bench_map(&robot, kind, &indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
+    if options.json {
+        arena::say!("{}", serde_json::to_string(&result)?);
+    } else {
+        print_map(&result);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_map(result: &BenchMap) {
+    arena::say!(
+        "     scene rooms objects  prec  rec  dup label  cm  rooms doors  relations prec/rec  groups  ids changed"
+    );
+    let value = |ratio: &Ratio| ratio.value.map_or("   -".to_owned(), |value| format!("{value:.2}"));
+    let row = |name: &str, rooms: usize, score: &MapScore| {
+        let (objects, relations) = (&score.objects, &score.relations.after_eq7);
+        arena::say!(
+            "{name:>10} {rooms:5} {:7} {:>5} {:>4} {:4} {:>5} {:3.0}  {:>5} {:>5}  {:>9} / {:<9} {:6.2}  {:11}",
+            objects.precision.of,
+            value(&objects.precision),
+            value(&objects.recall),
+            objects.duplicates.hits,
+            value(&objects.label_accuracy),
+            objects.centroid_error_m.median.unwrap_or(f64::NAN) * 100.0,
+            value(&score.places.right_room),
+            value(&score.doorways.found),
+            value(&relations.precision),
+            value(&relations.recall),
+            score.groups.adjusted_rand_index.unwrap_or(f64::NAN),
+            score.room_ids.changes,
+        );
+    };
+    for scene in &result.scenes {
+        row(&scene.scene, scene.rooms, &scene.score);
+    }
+    let all = &result.pooled;
+    row("all", all.places.true_rooms, all);
+    let share = |name: &str, ratio: &Ratio| {
+        arena::say!("  {name:44} {:>6} of {:<6} {}", ratio.hits, ratio.of, value(ratio));
+    };
+    let spread = |name: &str, spread: &Spread| {
+        let cm = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.1} cm", value * 100.0));
+        arena::say!("  {name:44} median {}, nine tenths below {}", cm(spread.median), cm(spread.p90));
+    };
+    arena::say!("\nobjects");
+    share("precision by place", &all.objects.precision);
+    share("recall of things with 30 LiDAR points", &all.objects.recall);
+    share("things with more than one object", &all.objects.duplicates);
+    share("names right, of objects that are a thing", &all.objects.label_accuracy);
+    spread("distance of the middles", &all.objects.centroid_error_m);
+    arena::say!("rooms");
+    share("places in the right room", &all.places.right_room);
+    arena::say!("  not counted: {} places in doorways, {} frontiers", all.places.in_doorways, all.places.frontiers);
+    share("doorways found", &all.doorways.found);
+    share("... between their two rooms", &all.doorways.found_between_its_rooms);
+    share("doorways of the graph that are a door", &all.doorways.precision);
+    spread("distance of the doorway", &all.doorways.place_error_m);
+    spread("width of the doorway", &all.doorways.width_error_m);
+    arena::say!(
+        "  ids that changed: {}, of {} rooms over {} looks",
+        all.room_ids.changes,
+        all.room_ids.rooms,
+        all.room_ids.looks
+    );
+    arena::say!(
+        "relations                     precision            recall               within the error of measurement"
+    );
+    let stages = [
+        ("as proposed", &all.relations.proposed),
+        ("after Eq. 6", &all.relations.after_eq6),
+        ("after Eq. 7", &all.relations.after_eq7),
+    ];
+    let counted = |ratio: &Ratio| format!("{} ({} of {})", value(ratio), ratio.hits, ratio.of);
+    for (name, stage) in stages.into_iter().chain(all.relations.kinds.iter().map(|(kind, stage)| (*kind, stage))) {
+        let (precision, recall) = (counted(&stage.precision), counted(&stage.recall));
+        arena::say!("  {name:26}  {precision:20} {recall:20} {} of {}", stage.unsure.hits, stage.unsure.of);
+    }
+    arena::say!("groups");
+    let index = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
+    let (mean, worst) = (index(all.groups.adjusted_rand_index), index(all.groups.worst));
+    arena::say!("  adjusted Rand index: mean {mean}, worst {worst}, over {} things", all.groups.things);
+    share("pairs that are together, of those found", &all.groups.pair_precision);
+    share("pairs found, of those that are together", &all.groups.pair_recall);
+}
+
+/// The scenes to run: all, or those asked for.
+fn chosen_scenes(scenes: usize, only: &[usize]) -> Result<Vec<usize>> {
+    anyhow::ensure!(scenes > 0, "--scenes must be at least 1");
+    if let Some(index) = only.iter().find(|index| **index >= scenes) {
+        anyhow::bail!("--only {index}: there are {scenes} scenes, numbered from 0");
+    }
+    Ok(if only.is_empty() { (0..scenes).collect() } else { only.to_vec() })
+}
+
+fn checked_noise(noise: f64) -> Result<f64> {
+    anyhow::ensure!(noise.is_finite() && noise >= 0.0, "--noise must be a number that is not negative, not {noise}");
+    Ok(noise)
 }

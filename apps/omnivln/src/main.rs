@@ -58,6 +58,8 @@ enum BenchCommand {
     Nav(bench::NavOptions),
     /// The same buildings seen with a rotating and with a fixed LiDAR: objects, directions and surface known
     Coverage(bench::CoverageOptions),
+    /// The scene graph after a survey against the truth: objects, places, doorways, relations, groups, ids of rooms
+    Map(bench::MapOptions),
 }
 
 fn main() -> ExitCode {
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Command::Odometry(options) => odometry::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
+        Command::Bench(BenchCommand::Map(options)) => bench::map(&options),
     };
     match result {
         Ok(code) => code,

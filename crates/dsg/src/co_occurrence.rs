@@ -37,7 +37,10 @@ const TOGETHER: &[&[&str]] = &[
     &["bed", "nightstand", "lamp", "pillow", "blanket", "dresser", "alarm clock"],
     &["kitchen counter", "counter", "stove", "sink", "fridge", "microwave", "oven", "dishwasher", "kettle", "toaster",
       "mug", "pot", "pan", "plate", "bowl", "coffee machine", "bottle", "cabinet", "dish rack", "knife block"],
-    &["toilet", "sink", "bathtub", "shower", "mirror", "towel", "soap", "toothbrush", "bathroom cabinet", "toilet paper"],
+    &["sink", "washbasin", "soap", "soap dispenser", "toothbrush", "bathroom cabinet"],
+    &["toilet", "toilet paper", "toilet brush"],
+    &["bathtub", "shower", "shampoo", "bath mat"],
+    &["window", "radiator", "curtain", "blind"],
     &["meeting table", "conference table", "office chair", "chair", "whiteboard", "projector", "projector screen", "tv"],
     &["washing machine", "dryer", "laundry basket", "detergent", "ironing board", "drying rack"],
     &["printer", "copier", "paper shredder", "shelf", "cabinet", "paper tray"],
@@ -45,6 +48,30 @@ const TOGETHER: &[&[&str]] = &[
     &["workbench", "lab bench", "microscope", "oscilloscope", "stool", "monitor", "computer", "toolbox", "robot arm"],
     &["coat rack", "shoe rack", "umbrella stand", "mirror", "bench"],
 ];
+
+/// What a group gathers round: of these there is one in a group.
+#[rustfmt::skip]
+const CENTERS: &[&str] = &[
+    "dining table", "kitchen table", "meeting table", "conference table", "reception desk", "desk", "workbench", "lab bench", "bed",
+    "sofa", "kitchen counter", "counter", "sink", "stove", "bookshelf", "shelf", "storage rack", "sideboard", "dresser", "cabinet",
+    "filing cabinet", "console table", "copier", "toilet", "bathtub",
+];
+
+/// Units that stand in a row and are used as one.
+#[rustfmt::skip]
+const ROW_UNITS: &[&str] = &[
+    "counter", "kitchen counter", "sink", "stove", "oven", "fridge", "dishwasher", "washing machine", "dryer",
+];
+
+/// Whether a group gathers round a thing of this class.
+pub(crate) fn is_center(label: &str) -> bool {
+    CENTERS.contains(&label)
+}
+
+/// Whether things of this class stand in rows.
+pub(crate) fn is_row_unit(label: &str) -> bool {
+    ROW_UNITS.contains(&label)
+}
 
 /// How well two classes go together, in `[0, 1]`.
 pub fn co_occurrence(a: &str, b: &str) -> f64 {

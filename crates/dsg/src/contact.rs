@@ -11,6 +11,30 @@ const OPEN: &[&str] = &[
     "stand", "sideboard", "dresser", "rug", "carpet", "mat", "sink",
 ];
 
+/// Things that hang on walls: flat, without a foot.
+#[rustfmt::skip]
+const HUNG: &[&str] = &[
+    "picture", "painting", "poster", "photo", "mirror", "clock", "window", "whiteboard", "blackboard", "board", "map", "sign",
+    "screen", "towel", "radiator", "curtain", "blind", "door", "switch", "calendar",
+];
+
+/// Whether a thing of this name hangs on a wall or is part of it.
+pub(crate) fn hangs(label: &str) -> bool {
+    label != "alarm clock" && label.rsplit(' ').next().is_some_and(|last| HUNG.contains(&last))
+}
+
+/// Things that hold others within them; within the box of anything else a thing is only so by an error of the boxes.
+#[rustfmt::skip]
+const CONTAINERS: &[&str] = &[
+    "shelf", "bookshelf", "bookcase", "rack", "cabinet", "cupboard", "wardrobe", "closet", "drawer", "drawers", "box", "crate",
+    "basket", "bin", "can", "bag", "fridge", "refrigerator", "freezer", "oven", "microwave", "dishwasher", "machine", "dryer",
+    "bathtub", "bowl", "vase", "pot", "toolbox", "suitcase", "backpack", "showcase", "case", "locker", "cart",
+];
+
+fn can_contain(label: &str) -> bool {
+    label.rsplit(' ').next().is_some_and(|last| CONTAINERS.contains(&last))
+}
+
 /// On, inside or under by touching boxes.
 pub(crate) fn contact(subject: &Object, object: &Object, config: &RelationConfig) -> Option<RelationKind> {
     let (s, o) = (&subject.bounds, &object.bounds);
@@ -19,7 +43,9 @@ pub(crate) fn contact(subject: &Object, object: &Object, config: &RelationConfig
     if !is_over {
         return None;
     }
-    if (s.min.z - o.max.z).abs() <= config.contact_m && s.center().z > o.center().z {
+    let is_on_top = (s.min.z - o.max.z).abs() <= config.contact_m && s.center().z > o.center().z;
+    // A window begins where the desk before it ends, and rests on nothing.
+    if is_on_top && !hangs(&subject.label) {
         return Some(RelationKind::On);
     }
     let is_within = o.inflated(0.05).contains(&s.min) && o.inflated(0.05).contains(&s.max);
@@ -37,13 +63,14 @@ pub(crate) fn contact(subject: &Object, object: &Object, config: &RelationConfig
             None
         };
     }
-    (is_within && s.volume_m3() <= 0.5 * o.volume_m3()).then_some(RelationKind::Inside)
+    (is_within && can_contain(&object.label) && s.volume_m3() <= 0.5 * o.volume_m3()).then_some(RelationKind::Inside)
 }
 
-/// Over the object (or over its edge: a picture hangs on the wall behind the sofa), with a gap.
-pub(crate) fn is_above(subject: &Object, object: &Object, config: &RelationConfig) -> bool {
+/// Over the object (or over its edge: a picture hangs on the wall behind the sofa), with a gap. `bottom_m` is where the subject
+/// begins, feet that were not seen and all.
+pub(crate) fn is_above(subject: &Object, bottom_m: f64, object: &Object, config: &RelationConfig) -> bool {
     const BEHIND_M: f64 = 0.25;
-    let gap_m = subject.bounds.min.z - object.bounds.max.z;
+    let gap_m = bottom_m - object.bounds.max.z;
     gap_m > config.contact_m
         && gap_m <= config.above_m
         && subject.bounds.footprint_overlap(&object.bounds.inflated(BEHIND_M)) >= 0.5

@@ -5,7 +5,7 @@ use crate::ids::ObjectId;
 use crate::labels::label_similarity;
 use crate::memory::drift_m;
 use crate::object::Object;
-use crate::observe::AssociationConfig;
+use crate::observe::{AssociationConfig, fitted_bounds, looks_wanted};
 use crate::op::{Op, OpError};
 use crate::vote::winner;
 
@@ -101,7 +101,7 @@ fn merge(graph: &mut SceneGraph, from: ObjectId, into: ObjectId, config: &Associ
     memory.apart.remove(&into);
     memory.forget_smear(object.last_seen_ns);
     let mut object = Object::clone(object);
-    if let Some(bounds) = memory.bounds() {
+    if let Some(bounds) = fitted_bounds(&object.label, memory) {
         object.bounds = bounds;
         object.centroid = bounds.center();
     }
@@ -112,7 +112,7 @@ fn merge(graph: &mut SceneGraph, from: ObjectId, into: ObjectId, config: &Associ
     object.color = memory.color().or(object.color);
     object.attributes = crate::attributes::attributes_of(&object.caption, object.color);
     object.confirmed |=
-        object.observations >= config.confirm_observations && object.label_margin >= config.confirm_margin;
+        object.observations >= looks_wanted(&object, config) && object.label_margin >= config.confirm_margin;
     graph.apply(Op::PutObject(Box::new(object)))?;
     Ok(())
 }

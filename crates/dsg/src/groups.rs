@@ -1,15 +1,16 @@
 //! Functional groups: objects of a room that are near each other and used together.
 //!
-//! Affinity of two objects: `exp(-gap / 0.8 m) (0.5 + 0.5 c)`, c in [0, 1] being how well their classes go together (1 also if
-//! one stands on the other). Pairs above 0.35 are joined, best first, while the group stays within 4 m across. A pair that
-//! is in one group already gets 0.1 more, so that groups do not flicker.
+//! Affinity of two objects: `c exp(-gap / 0.8 m)`, c in [0, 1] being how well their classes go together (1 also if one stands on
+//! the other): what merely stands close by is not used together. Pairs above 0.35 are joined, best first, while the group stays
+//! within 5 m across and has one centre: two desks side by side are two places to work, each with what is nearer to it; only
+//! kitchen units that touch make one row. A pair that is in one group already gets 0.1 more, so that groups do not flicker.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
 use crate::bounds::Aabb;
-use crate::co_occurrence::{Shares, rank, shares, together};
+use crate::co_occurrence::{Shares, is_center, is_row_unit, rank, shares, together};
 use crate::graph::SceneGraph;
 use crate::group::Group;
 use crate::ids::{GroupId, ObjectId};
@@ -28,13 +29,13 @@ pub struct GroupConfig {
     pub min_affinity: f64,
     /// What a pair of one group gets on top. Default 0.1.
     pub hysteresis: f64,
-    /// Largest horizontal extent of a group. Default 4.0 m.
+    /// Largest horizontal extent of a group: a conference table with its chairs has it. Default 5.0 m.
     pub max_extent_m: f64,
 }
 
 impl Default for GroupConfig {
     fn default() -> GroupConfig {
-        GroupConfig { reach_m: 1.5, decay_m: 0.8, min_affinity: 0.35, hysteresis: 0.1, max_extent_m: 4.0 }
+        GroupConfig { reach_m: 1.5, decay_m: 0.8, min_affinity: 0.35, hysteresis: 0.1, max_extent_m: 5.0 }
     }
 }
 
@@ -113,6 +114,7 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     let mut cluster_of: Vec<usize> = (0..objects.len()).collect();
     let mut clusters: Vec<(Aabb, BTreeSet<ObjectId>)> =
         objects.iter().map(|object| (object.bounds, BTreeSet::from([object.id]))).collect();
+    let mut has_center: Vec<bool> = objects.iter().map(|object| is_center(&object.label)).collect();
     for (_, i, j) in pairs {
         let (a, b) = (cluster_of[i].min(cluster_of[j]), cluster_of[i].max(cluster_of[j]));
         if a == b {
@@ -120,7 +122,10 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
         }
         let joined = clusters[a].0.union(&clusters[b].0);
         let sides = joined.sides_m();
-        if sides.x.hypot(sides.y) <= config.max_extent_m {
+        let is_one_row = is_row(objects[i], objects[j]);
+        let is_one_place = is_one_row || !(has_center[a] && has_center[b]);
+        if is_one_place && sides.x.hypot(sides.y) <= config.max_extent_m {
+            has_center[a] |= has_center[b];
             let members = std::mem::take(&mut clusters[b].1);
             clusters[a].0 = joined;
             clusters[a].1.extend(members);
@@ -128,6 +133,13 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
         }
     }
     clusters.into_iter().map(|(_, members)| members).filter(|members| members.len() >= 2).collect()
+}
+
+/// Kitchen units side by side.
+fn is_row(a: &Object, b: &Object) -> bool {
+    // They touch; their faces are measured to a voxel or two.
+    const TOUCHING_M: f64 = 0.15;
+    is_row_unit(&a.label) && is_row_unit(&b.label) && a.bounds.gap_m(&b.bounds) <= TOUCHING_M
 }
 
 fn affinity(graph: &SceneGraph, a: &Object, b: &Object, co_occurrence: impl Fn() -> f64, config: &GroupConfig) -> f64 {
@@ -145,7 +157,7 @@ fn affinity(graph: &SceneGraph, a: &Object, b: &Object, co_occurrence: impl Fn()
     let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
     let together = if is_carried { 1.0 } else { co_occurrence() };
     let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
-    (-gap_m / config.decay_m).exp() * (0.5 + 0.5 * together) + stays
+    if together == 0.0 { 0.0 } else { (-gap_m / config.decay_m).exp() * together + stays }
 }
 
 /// The old group with the largest Jaccard overlap above 0.3, otherwise a new id.
@@ -286,6 +298,26 @@ mod tests {
         update_groups(&mut graph, &config).unwrap();
         assert_eq!(graph.group(id).unwrap().members, [ObjectId(1), ObjectId(3)]);
         graph.check_invariants().unwrap();
+    }
+
+    #[test]
+    fn what_merely_stands_close_by_does_not_join_and_two_desks_stay_two() {
+        let mut graph = scene(&[
+            ("desk", 0.0, 0.0),
+            ("monitor", 0.0, 0.5),
+            ("desk", 0.6, 0.0),
+            ("monitor", 0.6, 0.5),
+            ("plant", 0.0, -0.6),
+        ]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let members: Vec<_> = graph.groups().map(|group| group.members.clone()).collect();
+        assert_eq!(members, [[ObjectId(1), ObjectId(2)], [ObjectId(3), ObjectId(4)]]);
+        // Kitchen units that touch are one row.
+        let mut graph =
+            scene(&[("counter", 0.0, 0.0), ("sink", 0.55, 0.0), ("stove", 1.1, 0.0), ("counter", 2.0, 0.0)]);
+        update_groups(&mut graph, &GroupConfig::default()).unwrap();
+        let members: Vec<_> = graph.groups().map(|group| group.members.clone()).collect();
+        assert_eq!(members, [[ObjectId(1), ObjectId(2), ObjectId(3)]]);
     }
 
     #[test]

@@ -122,6 +122,7 @@ mod spark_kept;
 mod spark_mesh;
 mod spark_read;
 mod spark_write;
+mod support;
 pub mod text;
 pub mod vote;
 mod write;

@@ -1,9 +1,10 @@
 //! What the builder remembers of an object besides the node: its points with their recency, its captions and its colour.
 //!
 //! The points are kept as a bounded set of voxel means. A box fitted to them must do two things at once: cover sides that
-//! were seen once from the other end of the room, and follow the newest evidence when the map frame has drifted. So a stale
-//! voxel goes only if it lies closer to fresh voxels than the frame can have drifted since: then it is the same surface,
-//! seen before the drift. A stale voxel farther away is a side that is not in view now, and stays.
+//! were seen once from the other end of the room, and follow the newest evidence when the map frame has drifted. So stale
+//! voxels go only where the fresh ones do *not* lie on what was known (else nothing has drifted, and a glimpse of one corner
+//! from afar must not eat the rest of the thing), and only those closer to fresh voxels than the frame can have drifted since:
+//! they are the same surface, seen before the drift. A stale voxel farther away is a side that is not in view now, and stays.
 
 use std::collections::BTreeMap;
 
@@ -21,8 +22,12 @@ const MAX_CELLS: usize = 1024;
 const NEWEST_SHARE: f32 = 0.3;
 /// A voxel not hit for this long (in frames that showed the object) is stale.
 const FRESH_S: f64 = 8.0;
+/// Where so many of the fresh voxels lie on stale ones, nothing has drifted.
+const SETTLED_SHARE: f64 = 0.3;
 /// Share of the weight trimmed at each end of each axis of a box.
 const TRIM: f64 = 0.015;
+/// ... and across the wall from the box of what hangs on it.
+const FLAT_TRIM: f64 = 0.15;
 /// Labels whose captions are kept.
 const MAX_CAPTIONS: usize = 8;
 /// Video numbers that are kept: only the last seconds count.
@@ -222,9 +227,16 @@ impl ObjectMemory {
         if fresh.len() < 3 || fresh.len() == self.cells.len() {
             return;
         }
+        // Fresh voxels that were known before, or lie within a voxel of stale ones: the frame is where it was.
+        let stale: Vec<Point3<f32>> = self.cells.iter().filter(|c| age_s(c) > FRESH_S).map(|c| c.mean).collect();
+        let is_known = |p: &&Point3<f32>| stale.iter().any(|s| (s - **p).norm_squared() <= (VOXEL_M * VOXEL_M) as f32);
+        let stride = fresh.len().div_ceil(160);
+        let known = fresh.iter().step_by(stride).filter(is_known).count();
+        if known as f64 >= SETTLED_SHARE * fresh.len().div_ceil(stride) as f64 {
+            return;
+        }
         let around = Aabb::around(fresh.iter().map(|point| point.cast::<f64>()));
         // A bounded, evenly spread sample is enough to tell near from far.
-        let stride = fresh.len().div_ceil(160);
         let sample: Vec<Point3<f32>> = fresh.into_iter().step_by(stride).collect();
         self.cells.retain(|cell| {
             let age_s = age_s(cell);
@@ -242,6 +254,20 @@ impl ObjectMemory {
         let weighted: Vec<(Point3<f64>, f64)> =
             self.cells.iter().map(|cell| (cell.mean.cast::<f64>(), f64::from(cell.hits.min(8)))).collect();
         robust_bounds(&weighted)
+    }
+
+    /// The same for a thing that is flat and hangs on a wall: across the wall the box goes where most of its points are. A mask
+    /// that bleeds over its edge takes points before and behind the wall along, which would make it as deep as a cupboard.
+    pub fn flat_bounds(&self) -> Option<Aabb> {
+        let mut bounds = self.bounds()?;
+        let across = if bounds.sides_m().x < bounds.sides_m().y { 0 } else { 1 };
+        let mut along: Vec<(f64, f64)> =
+            self.cells.iter().map(|cell| (f64::from(cell.mean[across]), f64::from(cell.hits.min(8)))).collect();
+        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let total: f64 = along.iter().map(|(_, weight)| weight).sum();
+        bounds.min[across] = percentile(along.iter().copied(), FLAT_TRIM * total);
+        bounds.max[across] = percentile(along.iter().rev().copied(), FLAT_TRIM * total);
+        Some(bounds)
     }
 
     /// Share of the points that lie within `reach_m` (at most a voxel and a half) of a remembered point.
@@ -381,6 +407,19 @@ mod tests {
     }
 
     #[test]
+    fn a_glimpse_of_a_corner_does_not_eat_the_rest() {
+        // Found by bench map: bins and keyboards shrank to a few centimetres when they were seen again from afar.
+        let mut memory = ObjectMemory::default();
+        memory.absorb(&plate(0.0), 0);
+        let whole = memory.bounds().unwrap();
+        let corner: Vec<Point3<f32>> = plate(0.01).into_iter().filter(|p| p.y < 0.11 && p.z < 0.11).collect();
+        memory.absorb(&corner, 60 * SECOND_NS);
+        memory.forget_smear(60 * SECOND_NS);
+        let bounds = memory.bounds().unwrap();
+        assert!((bounds.sides_m() - whole.sides_m()).norm() < 0.03, "{bounds:?}");
+    }
+
+    #[test]
     fn the_set_is_bounded_and_keeps_its_extent() {
         let mut memory = ObjectMemory::default();
         let sheet: Vec<_> =
@@ -388,6 +427,21 @@ mod tests {
         memory.absorb(&sheet, 0);
         assert!(memory.cells.len() <= MAX_CELLS);
         assert!((memory.bounds().unwrap().sides_m().x - 4.0).abs() < 0.4);
+    }
+
+    #[test]
+    fn what_hangs_on_a_wall_is_flat_whatever_its_mask_took_along() {
+        let mut memory = ObjectMemory::default();
+        for frame in 0..10 {
+            memory.absorb(&plate(0.0), frame * SECOND_NS);
+        }
+        let behind: Vec<Point3<f32>> = plate(0.3).into_iter().filter(|p| p.y < 0.1).collect();
+        for frame in 0..5 {
+            memory.absorb(&behind, frame * SECOND_NS);
+        }
+        assert!(memory.bounds().unwrap().sides_m().x > 0.25);
+        let flat = memory.flat_bounds().unwrap();
+        assert!(flat.sides_m().x < 0.05 && flat.sides_m().y > 0.3, "{flat:?}");
     }
 
     #[test]

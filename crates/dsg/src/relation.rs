@@ -17,7 +17,7 @@ pub enum RelationKind {
     Under,
     /// The subject is over the object without touching it.
     Above,
-    /// The subject's box is within the object's box.
+    /// The subject's box is within the box of an object that can hold things.
     Inside,
     /// The subject stands between `object` and `other`.
     Between,

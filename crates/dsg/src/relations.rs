@@ -10,7 +10,8 @@ use crate::ids::ObjectId;
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::relation::{Evidence, EvidenceSource, Relation, RelationKey, RelationKind, Verdict};
-use crate::sight::blocking_point;
+use crate::sight::{blocking_point, parting_wall};
+use crate::support::supports;
 
 /// Distances at which relations hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,8 +102,9 @@ pub fn update_relations(
     config.validate()?;
     let mut report = RelationReport::default();
     let mut relations: BTreeMap<RelationKey, Relation> = BTreeMap::new();
+    let carrier_of = supports(graph, config);
     for (a, b) in neighbours(graph, config) {
-        for candidate in candidates(graph, a, b, config) {
+        for candidate in candidates(graph, a, b, &carrier_of, config) {
             let relation = judge(graph, candidate, line_of_sight, verify, config, &mut report);
             relations.insert(relation.key(), relation);
         }
@@ -150,7 +152,13 @@ fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Ob
 const NEAR_HYSTERESIS_M: f64 = 0.1;
 
 /// What the boxes of a pair suggest: one contact or vertical relation in either direction, otherwise near.
-fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfig) -> Vec<Relation> {
+fn candidates(
+    graph: &SceneGraph,
+    a: &Object,
+    b: &Object,
+    carrier_of: &BTreeMap<ObjectId, ObjectId>,
+    config: &RelationConfig,
+) -> Vec<Relation> {
     let gap_m = a.bounds.gap_m(&b.bounds);
     if are_on_two_floors(graph, a, b) {
         return Vec::new();
@@ -167,14 +175,21 @@ fn candidates(graph: &SceneGraph, a: &Object, b: &Object, config: &RelationConfi
             score: 1.0,
         },
     };
-    for (subject, object) in [(a, b), (b, a)] {
+    let are_in_two_rooms = matches!((a.room, b.room), (Some(a), Some(b)) if a != b);
+    for (subject, object) in [(a, b), (b, a)].into_iter().filter(|_| !are_in_two_rooms) {
         if let Some(kind) = contact(subject, object, config) {
             return vec![relation(subject, kind, object)];
         }
+        if carrier_of.get(&subject.id) == Some(&object.id) {
+            return vec![relation(subject, RelationKind::On, object)];
+        }
     }
     let mut found = Vec::new();
-    for (subject, object) in [(a, b), (b, a)] {
-        if is_above(subject, object, config) {
+    for (subject, object) in [(a, b), (b, a)].into_iter().filter(|_| !are_in_two_rooms) {
+        // What is carried begins at the top that carries it.
+        let carrier = carrier_of.get(&subject.id).and_then(|carrier| graph.object(*carrier));
+        let bottom_m = carrier.map_or(subject.bounds.min.z, |o| o.bounds.max.z.min(subject.bounds.min.z));
+        if is_above(subject, bottom_m, object, config) {
             found.push(relation(subject, RelationKind::Above, object));
             found.push(relation(object, RelationKind::Under, subject));
         }
@@ -209,7 +224,7 @@ fn judge(
 ) -> Relation {
     if relation.kind == RelationKind::Near
         && let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object))
-        && let Some(at) = blocking_point(a, b, line_of_sight, config)
+        && let Some(at) = parting_wall(graph, a, b).or_else(|| blocking_point(a, b, line_of_sight, config))
     {
         relation.evidence.verdict = Verdict::Blocked(at);
         return relation;
@@ -247,10 +262,13 @@ fn ask(
     relation
 }
 
-/// Keeps a near relation if it is among the nearest of either end.
+/// Keeps a near relation if it is among the nearest of either end; what was dropped takes nobody's place.
 fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize) {
     let mut of: BTreeMap<ObjectId, Vec<(f64, RelationKey)>> = BTreeMap::new();
-    for (key, relation) in relations.iter().filter(|(key, _)| key.1 == RelationKind::Near) {
+    let is_near = |key: &RelationKey, relation: &Relation| {
+        key.1 == RelationKind::Near && relation.evidence.verdict == Verdict::Holds
+    };
+    for (key, relation) in relations.iter().filter(|(key, relation)| is_near(key, relation)) {
         for id in [key.0, key.2] {
             of.entry(id).or_default().push((relation.evidence.distance_m, *key));
         }
@@ -260,7 +278,7 @@ fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize
         list.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         kept.extend(list.iter().take(max_near).map(|(_, key)| *key));
     }
-    relations.retain(|key, _| key.1 != RelationKind::Near || kept.contains(key));
+    relations.retain(|key, relation| !is_near(key, relation) || kept.contains(key));
 }
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
@@ -390,6 +408,47 @@ mod tests {
         assert_eq!(graph.relations().count(), 0);
         let dropped = graph.dropped_relations().next().unwrap();
         assert!(matches!(dropped.evidence.verdict, Verdict::Blocked(at) if at.x.abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_thin_wall_parts_two_rooms_and_a_doorway_joins_them() {
+        use crate::ids::RoomId;
+        use crate::room::{Room, RoomEdge};
+        let mut graph = scene(&[
+            ("picture", [-0.08, 0.0, 1.5], [0.04, 0.6, 0.5]),
+            ("cabinet", [0.35, 0.0, 0.6], [0.5, 0.5, 1.2]),
+            ("plant", [-0.3, 2.0, 0.4], [0.3, 0.3, 0.8]),
+            ("box", [0.3, 2.0, 0.2], [0.3, 0.3, 0.4]),
+        ]);
+        for room in [1, 2] {
+            graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(room), Point3::origin())))).unwrap();
+        }
+        for (id, room) in [(1, 1), (2, 2), (3, 1), (4, 2)] {
+            let object = graph.object(ObjectId(id)).unwrap().clone();
+            graph.apply(Op::PutObject(Box::new(Object { room: Some(RoomId(room)), ..object }))).unwrap();
+        }
+        let door = RoomEdge { a: RoomId(1), b: RoomId(2), doorway: Point3::new(0.0, 2.0, 1.0), width_m: 1.0 };
+        graph.apply(Op::PutRoomEdge(door)).unwrap();
+        update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
+        assert_eq!(found(&graph), ["O3 near O4"], "not through the wall, and nothing hangs over what is behind it");
+    }
+
+    #[test]
+    fn a_monitor_on_a_desk_is_not_over_its_keyboard() {
+        use crate::ids::RoomId;
+        use crate::room::Room;
+        let mut graph = scene(&[
+            ("desk", [0.0, 0.0, 0.37], [1.4, 0.8, 0.74]),
+            ("monitor", [0.0, 0.1, 1.15], [0.5, 0.3, 0.4]),
+            ("keyboard", [0.0, -0.1, 0.76], [0.4, 0.15, 0.03]),
+        ]);
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
+        for id in 1..=3 {
+            let object = graph.object(ObjectId(id)).unwrap().clone();
+            graph.apply(Op::PutObject(Box::new(Object { room: Some(RoomId(1)), ..object }))).unwrap();
+        }
+        update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
+        assert_eq!(found(&graph), ["O2 near O3", "O2 on O1", "O3 on O1"]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use crate::graph::SceneGraph;
 use crate::object::Object;
 use crate::relations::{RelationConfig, SightLine};
 
@@ -30,6 +31,25 @@ pub(crate) fn blocking_point(
         first_block = first_block.or(Some(blocked));
     }
     first_block
+}
+
+/// The middle of the line between two things of two rooms, if it does not go through a doorway between these: then a wall
+/// parts them, however thin, and the margin at the ends of the line of sight must not step over it. `None` within a room.
+pub(crate) fn parting_wall(graph: &SceneGraph, a: &Object, b: &Object) -> Option<Point3<f64>> {
+    // Both the doorway and the things are a hand's breadth off.
+    const JAMB_M: f64 = 0.15;
+    let (room_a, room_b) = (a.room?, b.room?);
+    if room_a == room_b {
+        return None;
+    }
+    let way = (b.centroid - a.centroid).xy();
+    let goes_through = |door: &crate::room::RoomEdge| {
+        let to_door = (door.doorway - a.centroid).xy();
+        let along = (to_door.dot(&way) / way.norm_squared().max(1e-9)).clamp(0.0, 1.0);
+        (to_door - way * along).norm() <= door.width_m / 2.0 + JAMB_M
+    };
+    let mut doors = graph.room_edges().filter(|door| (door.a, door.b) == (room_a.min(room_b), room_a.max(room_b)));
+    if doors.any(goes_through) { None } else { Some(nalgebra::center(&a.centroid, &b.centroid)) }
 }
 
 fn lifted(point: &Point3<f64>, z_m: f64) -> Point3<f64> {

@@ -398,7 +398,7 @@ mod relations {
                 prop_assert!(group.support.is_some());
                 let bounds = group.members.iter().map(|id| graph.object(*id).unwrap().bounds);
                 let sides = bounds.reduce(|a, b| a.union(&b)).unwrap().sides_m();
-                prop_assert!(sides.x.hypot(sides.y) <= 4.0);
+                prop_assert!(sides.x.hypot(sides.y) <= GroupConfig::default().max_extent_m);
             }
             let mut names: Vec<&str> = graph.groups().map(|group| group.name.as_str()).collect();
             names.sort_unstable();

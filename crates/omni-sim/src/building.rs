@@ -301,6 +301,9 @@ pub struct ObjectTruth {
     pub room: u32,
     /// The object it stands on or hangs in, if not the floor or a wall.
     pub supported_by: Option<u32>,
+    /// The object it was placed with: the table it stands round, the desk before it, the bed beside it, the window above it,
+    /// its neighbour in a row of kitchen units.
+    pub placed_with: Option<u32>,
 }
 
 /// An axis-aligned box in the world.

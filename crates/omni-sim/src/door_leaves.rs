@@ -54,6 +54,7 @@ pub fn hang_leaves(furnisher: &mut Furnisher, kind: RoomKind) {
                 placement,
                 bounds,
                 support: None,
+                with: None,
                 is_mover: true,
             };
             if furnisher.accept(item) {

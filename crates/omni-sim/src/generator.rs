@@ -214,6 +214,7 @@ fn try_furnishing(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_en
     let kept = items.into_iter().zip(&keep).filter(|(_, k)| **k).map(|(i, _)| i);
     kept.map(|mut i| {
         i.support = i.support.map(|s| new_index[s]);
+        i.with = i.with.filter(|w| keep[*w]).map(|w| new_index[w]);
         i
     })
     .collect()

@@ -31,6 +31,8 @@ pub struct Item {
     pub parts: Vec<Bounds>,
     /// Index of the item that carries it.
     pub support: Option<usize>,
+    /// Index of the item it was placed with.
+    pub with: Option<usize>,
     /// Has a mesh of its own that may move.
     pub is_mover: bool,
 }
@@ -75,6 +77,7 @@ pub(crate) fn add_items(building: &mut Building, items: Vec<Item>, room: u32) {
             yaw_rad: item.placement.yaw_rad,
             room,
             supported_by: item.support.map(|s| first + s as u32),
+            placed_with: item.with.map(|w| first + w as u32),
         });
     }
 }

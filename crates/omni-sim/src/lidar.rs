@@ -5,6 +5,7 @@
 //! stator ([`RotatingMount`]): `p_body = body_from_stator * Rz(angle(t)) * rotor_from_sensor * p_sensor`.
 
 use crate::bvh::RayStack;
+use crate::mesh::InstanceId;
 use crate::motion::Motion;
 use crate::noise::NoiseKey;
 use crate::world::World;
@@ -181,6 +182,20 @@ pub fn scan(
     config: &LidarConfig,
     start_ns: i64,
 ) -> Result<LidarScanRecord, LidarError> {
+    scan_with_truth(world, motion, mount, config, start_ns).map(|(record, _)| record)
+}
+
+/// Points and the instance of each.
+type PointsWithTruth = (Vec<LidarPoint>, Vec<InstanceId>);
+
+/// The same scan, and beside it the instance that each of its points lies on: for a referee.
+pub fn scan_with_truth(
+    world: &World,
+    motion: &dyn Motion,
+    mount: &RotatingMount,
+    config: &LidarConfig,
+    start_ns: i64,
+) -> Result<(LidarScanRecord, Vec<InstanceId>), LidarError> {
     config.validate()?;
     let (from_ns, to_ns) = motion.span_ns();
     if start_ns < from_ns || column_stamp(config, start_ns, config.columns - 1) > to_ns {
@@ -189,10 +204,11 @@ pub fn scan(
     let directions = beam_directions(config);
     let columns: Vec<u32> = (0..config.columns).collect();
     // 64 columns a task: enough work to pay for a thread's attention.
-    let parts: Result<Vec<Vec<LidarPoint>>, LidarError> = columns
+    let parts: Result<Vec<PointsWithTruth>, LidarError> = columns
         .par_chunks(64)
         .map(|chunk| {
             let mut points = Vec::with_capacity(chunk.len() * directions.len());
+            let mut instances = Vec::with_capacity(chunk.len() * directions.len());
             let mut stack = RayStack::default();
             for &column in chunk {
                 let stamp_ns = column_stamp(config, start_ns, column);
@@ -209,12 +225,13 @@ pub fn scan(
                     offset_ns: (stamp_ns - start_ns) as u32,
                     azimuth: TAU * f64::from(column) / f64::from(config.columns),
                 };
-                caster.cast(&directions, &mut stack, &mut points);
+                caster.cast(&directions, &mut stack, &mut points, &mut instances);
             }
-            Ok(points)
+            Ok((points, instances))
         })
         .collect();
-    Ok(LidarScanRecord { start_ns, points: parts?.concat() })
+    let (points, instances): (Vec<_>, Vec<_>) = parts?.into_iter().unzip();
+    Ok((LidarScanRecord { start_ns, points: points.concat() }, instances.concat()))
 }
 
 /// Time at which a column is measured.
@@ -246,7 +263,13 @@ struct Column<'a> {
 }
 
 impl Column<'_> {
-    fn cast(&self, beams: &[(f32, f32)], stack: &mut RayStack, points: &mut Vec<LidarPoint>) {
+    fn cast(
+        &self,
+        beams: &[(f32, f32)],
+        stack: &mut RayStack,
+        points: &mut Vec<LidarPoint>,
+        instances: &mut Vec<InstanceId>,
+    ) {
         let snapshot = self.world.at(self.stamp_ns);
         let rotation = self.world_from_sensor.rotation.to_rotation_matrix();
         let origin = Point3::from(self.world_from_sensor.translation.vector);
@@ -276,6 +299,7 @@ impl Column<'_> {
                 offset_ns: self.offset_ns,
                 ring: ring as u16,
             });
+            instances.push(self.world.instance_of(surface));
         }
     }
 }

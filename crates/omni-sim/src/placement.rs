@@ -126,6 +126,7 @@ impl<'a> Furnisher<'a> {
                 placement,
                 bounds,
                 support: None,
+                with: self.companion(place, parent, &bounds),
                 is_mover: false,
             };
             if self.accept(item) {
@@ -137,6 +138,13 @@ impl<'a> Furnisher<'a> {
             }
         }
         None
+    }
+
+    /// What a thing is placed with: its parent, or the unit of the row that it touches.
+    fn companion(&self, place: Place, parent: Option<usize>, bounds: &Bounds) -> Option<usize> {
+        const TOUCHING_M: f64 = 0.01;
+        let is_neighbour = |item: &Item| is_row_unit(item.class.name) && item.bounds.gap_m(bounds) < TOUCHING_M;
+        parent.or_else(|| self.items.iter().position(is_neighbour).filter(|_| place == Place::Row))
     }
 
     /// Adds an item whose place is already known (a door leaf), if it leaves the passages free.

@@ -121,6 +121,7 @@ pub fn stand(furnisher: &mut Furnisher, name: &str, support: usize, reach: &Reac
             bounds,
             parts,
             support: Some(support),
+            with: None,
             is_mover: false,
         });
         return Some(furnisher.items.len() - 1);

@@ -101,6 +101,7 @@ pub(crate) fn add_stairs(building: &mut Building, rng: &mut ChaCha8Rng, shaft: &
         model,
         placement,
         support: None,
+        with: None,
         is_mover: false,
     };
     // A railing of 0.9 m on the upper floor before the lower flight.

@@ -112,6 +112,7 @@ mod tests {
             yaw_rad: 0.0,
             room: 0,
             supported_by,
+            placed_with: None,
         }
     }
 

@@ -21,6 +21,7 @@ impl Building {
         for object in &mut copy.objects {
             object.id = new_id(object.id);
             object.supported_by = object.supported_by.map(new_id);
+            object.placed_with = object.placed_with.map(new_id);
         }
         copy.objects.sort_by_key(|o| o.id);
         copy.mesh.instances.iter_mut().for_each(|i| *i = new_id(*i));
@@ -45,6 +46,9 @@ impl Building {
         };
         let mut copy = self.clone();
         copy.objects.retain(|o| !gone(o.id));
+        for object in &mut copy.objects {
+            object.placed_with = object.placed_with.filter(|id| !gone(*id));
+        }
         copy.movers.retain(|m| !gone(m.instance));
         copy.mesh = filtered(&self.mesh, |instance| !gone(instance));
         copy

@@ -192,6 +192,11 @@ impl World {
         }
     }
 
+    /// The instance that a surface belongs to.
+    pub fn instance_of(&self, surface: u32) -> InstanceId {
+        self.surfaces[surface as usize].instance
+    }
+
     /// What was said about an instance, `None` for the structure and for instances without an entry.
     pub fn thing(&self, instance: InstanceId) -> Option<&Thing> {
         let at = self.things.binary_search_by_key(&instance, |t| t.instance);
