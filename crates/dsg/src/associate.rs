@@ -106,7 +106,7 @@ pub(crate) struct Match {
 pub(crate) fn associate(graph: &SceneGraph, views: &[View], config: &AssociationConfig) -> Vec<Option<Match>> {
     let mut fits: Vec<(f64, ObjectId, usize, Fit)> = Vec::new();
     for object in graph.objects() {
-        let Some(memory) = graph.memory.get(&object.id) else {
+        let Some(memory) = graph.memory.get(&object.id).filter(|_| object.trajectory.is_empty()) else {
             continue;
         };
         for (at, view) in views.iter().enumerate() {

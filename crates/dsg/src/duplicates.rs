@@ -136,7 +136,8 @@ pub fn forget_ghosts(
     let mut gone = Vec::new();
     let SceneGraph { objects, memory, .. } = graph;
     for object in objects.values() {
-        if object.last_seen_ns >= now_ns {
+        // A mover that is not where it was has walked on.
+        if object.last_seen_ns >= now_ns || object.is_dynamic() {
             continue;
         }
         let Some(is_through) = seen_through(object) else {

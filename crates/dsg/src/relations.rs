@@ -135,7 +135,8 @@ pub fn update_relations(
 /// Pairs of confirmed objects close enough for any relation, smaller id first, by a sweep along x.
 fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Object, &'a Object)> {
     let reach_m = config.near_m + NEAR_HYSTERESIS_M;
-    let mut sorted: Vec<&Object> = graph.confirmed_objects().collect();
+    // Who walks about is near everything once.
+    let mut sorted: Vec<&Object> = graph.confirmed_objects().filter(|object| !object.is_dynamic()).collect();
     sorted.sort_by(|a, b| a.bounds.min.x.total_cmp(&b.bounds.min.x).then(a.id.cmp(&b.id)));
     let mut pairs = Vec::new();
     for (at, a) in sorted.iter().enumerate() {
