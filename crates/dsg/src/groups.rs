@@ -84,7 +84,8 @@ pub fn update_groups(graph: &mut SceneGraph, config: &GroupConfig) -> Result<u64
             ops.push(Op::RemoveGroup(group.id));
         }
     }
-    ops.extend(groups.into_iter().map(|group| Op::PutGroup(Box::new(group))));
+    let is_news = |group: &Group| graph.group(group.id) != Some(group);
+    ops.extend(groups.into_iter().filter(is_news).map(|group| Op::PutGroup(Box::new(group))));
     Ok(graph.apply(Op::Batch(ops))?.revision)
 }
 

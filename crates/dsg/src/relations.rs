@@ -126,7 +126,9 @@ pub fn update_relations(
     let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
     let gone = graph.relations.values().filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
     let mut ops: Vec<Op> = gone.map(|known| Op::RemoveRelation(known.key())).collect();
-    let is_news = |relation: &&Relation| graph.relations.get(&relation.key()).is_none_or(|known| !is_stated(known));
+    let is_news = |relation: &&Relation| {
+        graph.relations.get(&relation.key()).is_none_or(|known| !is_stated(known) && known != *relation)
+    };
     ops.extend(relations.values().filter(is_news).map(|relation| Op::PutRelation(*relation)));
     report.revision = graph.apply(Op::Batch(ops))?.revision;
     Ok(report)

@@ -146,7 +146,8 @@ pub fn update_rooms(
     }
     rooms.sort_by_key(|room| room.id);
     let building = building_of(graph, &rooms);
-    ops.extend(rooms.into_iter().map(|room| Op::PutRoom(Box::new(room))));
+    let is_news = |room: &Room| graph.room(room.id) != Some(room);
+    ops.extend(rooms.into_iter().filter(is_news).map(|room| Op::PutRoom(Box::new(room))));
     ops.extend(door_ops(graph, &room_of, doorways, &removed));
     for object in graph.objects() {
         let room = room_of_object[&object.id];
