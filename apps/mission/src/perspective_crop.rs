@@ -217,10 +217,7 @@ pub fn render(
             let mut sum = [0.0; 3];
             for look in 0..looks * looks {
                 let part = |k: u32| (f64::from(k) + 0.5) / f64::from(looks);
-                let pixel = Pixel {
-                    u: f64::from(column) + part(look % looks),
-                    v: f64::from(row) + part(look / looks),
-                };
+                let pixel = Pixel { u: f64::from(column) + part(look % looks), v: f64::from(row) + part(look / looks) };
                 let Some(direction) = lens.unproject(pixel) else { continue };
                 let Some(seen) = camera.project(&Point3::from(camera_from_crop * direction.into_inner())) else {
                     continue;
@@ -291,7 +288,10 @@ mod tests {
         let (front, back) = (cube(1.0, 0.0, 0.0, 0.2), cube(-1.0, 0.0, 0.0, 0.2));
         assert_eq!(aim(&Point3::origin(), [&front, &back], &config), Err(CropError::TooNear));
         assert_eq!(aim(&Point3::origin(), [&front, &cube(0.0, 0.0, 0.0, 9.0)], &config), Err(CropError::TooNear));
-        assert_eq!(aim(&Point3::origin(), [&front, &cube(f64::NAN, 0.0, 0.0, 1.0)], &config), Err(CropError::NotFinite));
+        assert_eq!(
+            aim(&Point3::origin(), [&front, &cube(f64::NAN, 0.0, 0.0, 1.0)], &config),
+            Err(CropError::NotFinite)
+        );
         let wide = CropConfig { max_fov_rad: 4.0, ..config };
         assert_eq!(aim(&Point3::origin(), [&front, &front], &wide), Err(CropError::NotFinite));
         let below = cube(0.0, 0.0, -2.0, 0.3);

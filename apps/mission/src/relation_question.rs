@@ -56,9 +56,9 @@ pub fn user_text(kind: RelationKind, names: [&str; 2], aim: &Aim) -> String {
         RelationKind::Between => "A is between B and another thing",
     };
     let [a, b] = names.map(clean_name);
-    let [at_a, at_b] = aim.rectangles_px.map(|[left, top, right, bottom]| {
-        format!("columns {left:.0} to {right:.0}, rows {top:.0} to {bottom:.0}")
-    });
+    let [at_a, at_b] = aim
+        .rectangles_px
+        .map(|[left, top, right, bottom]| format!("columns {left:.0} to {right:.0}, rows {top:.0} to {bottom:.0}"));
     format!(
         "The picture has {side} x {side} pixels. A is the {a} in {at_a}. B is the {b} in {at_b}. Statement: {statement}. \
 How probable is it that the statement is true?",
@@ -166,9 +166,23 @@ mod tests {
     #[test]
     fn everything_else_is_no_verdict() {
         for text in [
-            "", "yes", "0.9", "{}", "{", "{\"holds\": 1.2}", "{\"holds\": -0.1}", "{\"holds\": null}", "{\"holds\": \"maybe\"}",
-            "{\"holds\": 1e999}", "{\"holds\": NaN}", "{\"holds\": [1]}", "[0.9]", "{\"Holds\": 1}", "{\"answer\": 1}",
-            "{\"holds\": 0.9, \"answer\": \"perhaps\"}", "{\"holds\": 0.",
+            "",
+            "yes",
+            "0.9",
+            "{}",
+            "{",
+            "{\"holds\": 1.2}",
+            "{\"holds\": -0.1}",
+            "{\"holds\": null}",
+            "{\"holds\": \"maybe\"}",
+            "{\"holds\": 1e999}",
+            "{\"holds\": NaN}",
+            "{\"holds\": [1]}",
+            "[0.9]",
+            "{\"Holds\": 1}",
+            "{\"answer\": 1}",
+            "{\"holds\": 0.9, \"answer\": \"perhaps\"}",
+            "{\"holds\": 0.",
         ] {
             assert_eq!(parse_answer(text), Err(AnswerError::NoVerdict), "{text}");
         }

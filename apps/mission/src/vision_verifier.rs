@@ -275,7 +275,13 @@ impl VisionVerifier {
     }
 
     /// A new panorama, taken at `world_from_camera`. It takes the place of the one before.
-    pub fn look(&mut self, stamp: Stamp, picture: RgbImage, camera: Equirectangular, world_from_camera: Isometry3<f64>) {
+    pub fn look(
+        &mut self,
+        stamp: Stamp,
+        picture: RgbImage,
+        camera: Equirectangular,
+        world_from_camera: Isometry3<f64>,
+    ) {
         self.view = Some(Arc::new(View { stamp, picture, camera, world_from_camera }));
     }
 
@@ -297,9 +303,8 @@ impl VisionVerifier {
     /// Answers that no longer count are taken back.
     pub fn settle(&mut self, graph: &SceneGraph, threshold: f64, now: Stamp) -> Vec<Op> {
         self.listen(threshold, now);
-        self.memory.retain(|(subject, _, object), _| {
-            graph.object(*subject).is_some() && graph.object(*object).is_some()
-        });
+        self.memory
+            .retain(|(subject, _, object), _| graph.object(*subject).is_some() && graph.object(*object).is_some());
         let mut ops = Vec::new();
         for (relation, things) in verified(graph) {
             let is_said = question_of(relation.subject, relation.kind, relation.object)
