@@ -14,7 +14,8 @@ const CAMERA: Equirectangular = Equirectangular {
     phi_top_rad: std::f64::consts::FRAC_PI_3,
     phi_bottom_rad: -std::f64::consts::FRAC_PI_3,
 };
-const SMALL: CropConfig = CropConfig { side_px: 64, margin: 0.15, min_fov_rad: 0.5236, max_fov_rad: 1.7453 };
+const SMALL: CropConfig =
+    CropConfig { side_px: 64, margin: 0.15, min_fov_rad: std::f64::consts::FRAC_PI_6, max_fov_rad: 1.745 };
 
 /// A panorama whose colours are the direction in the world, so that a pixel says where it looks.
 fn directions(world_from_camera: &Isometry3<f64>) -> RgbImage {
