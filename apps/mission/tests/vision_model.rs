@@ -446,19 +446,30 @@ fn a_server_that_is_down_is_left_alone_longer_and_longer_and_then_used() {
 
 #[test]
 fn another_graph_does_not_inherit_answers() {
-    let fake = FakeService::start(|_, _| reply(r#"{"holds": 0.01}"#));
-    let mut robot = Robot::new(Some(config(&fake.url)));
+    // The question about the vase is answered late, when the same ids mean other things and were asked about again.
+    let fake = FakeService::start(|_, request| {
+        if is_about_the_vase(request) {
+            std::thread::sleep(Duration::from_millis(200));
+            return reply(r#"{"holds": 0.01}"#);
+        }
+        Answer::Silence(Duration::from_secs(60))
+    });
+    let mut robot = Robot::new(Some(VisionConfig { max_under_way: 6, ..config(&fake.url) }));
     robot.step();
     robot.vision().forget_graph();
     robot.graph = graph();
-    robot.wait();
-    assert!(robot.relation(VASE, RelationKind::On, TABLE).evidence.score > 0.5, "the answer was about the old graph");
-    robot.live(4);
-    assert_eq!(
-        robot.relation(VASE, RelationKind::On, TABLE).evidence.score,
-        0.01,
-        "and now it is asked about the new one"
-    );
+    let jug = Object { label: "jug".into(), ..robot.graph.object(VASE).expect("it is there").clone() };
+    robot.graph.apply(Op::PutObject(Box::new(jug))).expect("sound");
+    robot.step();
+    assert_eq!((robot.counts().asked, robot.vision().under_way()), (6, 6));
+    let start = Instant::now();
+    while robot.counts().answered == 0 {
+        assert!(start.elapsed() < Duration::from_secs(4), "the old answer comes");
+        std::thread::sleep(Duration::from_millis(10));
+        robot.step();
+    }
+    robot.step();
+    assert!(robot.relation(VASE, RelationKind::On, TABLE).evidence.score > 0.5, "it was about the old graph");
 }
 
 #[test]
