@@ -55,6 +55,7 @@ pub mod stream;
 #[cfg(test)]
 mod test_events;
 pub mod tum;
+pub mod vision_config;
 pub mod vision_verifier;
 pub mod world_model;
 
