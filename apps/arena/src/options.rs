@@ -58,6 +58,15 @@ pub struct Options {
     #[arg(long, value_name = "NAME", requires = "llm")]
     pub model: Option<String>,
 
+    /// Base URL of an OpenAI-compatible server that looks at pictures: relations between near things are shown to it, e.g.
+    /// http://127.0.0.1:8093/v1 (what is sent: documentation of mission::vision_verifier)
+    #[arg(long, value_name = "BASE_URL", requires = "vlm_model")]
+    pub vlm: Option<String>,
+
+    /// Name of the model on that server
+    #[arg(long, value_name = "NAME", requires = "vlm")]
+    pub vlm_model: Option<String>,
+
     /// Address of a service that segments the pictures instead of the simulated segmenter, e.g. http://127.0.0.1:8092/segment
     /// (formats: documentation of mission::segmenter_http)
     #[arg(long, value_name = "URL")]
@@ -132,6 +141,11 @@ impl Options {
         {
             bail!("--llm takes the address of a plain HTTP server such as http://127.0.0.1:8091/v1, not \"{url}\"");
         }
+        if let Some(url) = &self.vlm
+            && !url.starts_with("http://")
+        {
+            bail!("--vlm takes the address of a plain HTTP server such as http://127.0.0.1:8093/v1, not \"{url}\"");
+        }
         if let Some(url) = &self.segmenter
             && !url.starts_with("http://")
         {
@@ -163,6 +177,10 @@ mod tests {
     #[test]
     fn options_that_need_each_other_are_checked() {
         assert!(Options::try_parse_from(["ground", "find it", "--llm", "http://x"]).is_err());
+        assert!(Options::try_parse_from(["ground", "find it", "--vlm", "http://x"]).is_err());
+        assert!(Options::try_parse_from(["ground", "find it", "--vlm-model", "x"]).is_err());
+        let other = Options::try_parse_from(["ground", "find it", "--vlm", "https://x", "--vlm-model", "y"]).unwrap();
+        assert!(other.validate().unwrap_err().to_string().contains("--vlm takes"));
         assert!(Options::try_parse_from(["ground", "find it", "--max-time", "-3"]).is_err());
         let other = Options::try_parse_from(["ground", "find it", "--segmenter", "https://x"]).unwrap();
         assert!(other.validate().unwrap_err().to_string().contains("http://127.0.0.1:8092/segment"));

@@ -18,6 +18,7 @@ use mission::rig::Rig;
 use mission::robot_model::RobotModel;
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
+use mission::vision_verifier::VisionConfig;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench_nav::kind_word;
@@ -53,9 +54,14 @@ impl RunConfig {
             (Some(url), Some(model)) => Some(ChatConfig::new(url, model)),
             _ => None,
         };
+        let vision = match (&options.vlm, &options.vlm_model) {
+            (Some(url), Some(model)) => Some(VisionConfig::new(url, model)),
+            _ => None,
+        };
         let is_lidar_fixed = options.lidar == LidarMount::Fixed;
         RunConfig {
             max_time_s: options.max_time,
+            mission: MissionConfig { vision, ..MissionConfig::default() },
             simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
             llm,
             segmenter: options.segmenter.as_deref().map(HttpSegmenterConfig::new),

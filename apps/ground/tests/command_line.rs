@@ -76,6 +76,8 @@ fn help_reads_well_and_names_every_option() {
         "--start",
         "--llm",
         "--model",
+        "--vlm",
+        "--vlm-model",
         "--rig",
         "--lidar",
         "--max-time",
@@ -115,6 +117,7 @@ fn unknown_options_and_values_are_refused() {
     refused(&[FIND, "--lidar", "sideways"], &["rotating", "fixed"]);
     refused(&[FIND, "--lidar", "fixed", "--rig", "fixed"], &["--rig", "--lidar"]);
     refused(&[FIND, "--llm", "http://127.0.0.1:1/v1"], &["--model"]);
+    refused(&[FIND, "--vlm", "http://127.0.0.1:1/v1"], &["--vlm-model"]);
 }
 
 #[test]

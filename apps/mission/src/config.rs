@@ -11,6 +11,7 @@ use crate::odometer::OdometrySource;
 use crate::rig::Rig;
 use crate::rooms::RoomConfig;
 use crate::segmenter::STANDING;
+use crate::vision_verifier::VisionConfig;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
 /// [`RobotModel`], not from here.
@@ -64,6 +65,8 @@ pub struct MissionConfig {
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
     pub max_attempts: u32,
+    /// A vision-language model that is shown short relations (Eq. 7), default none: geometry judges them.
+    pub vision: Option<VisionConfig>,
 }
 
 impl Default for MissionConfig {
@@ -91,6 +94,7 @@ impl Default for MissionConfig {
             flight_height_m: 1.2,
             obstacle_memory_s: 2.1,
             max_attempts: 3,
+            vision: None,
         }
     }
 }
@@ -125,7 +129,7 @@ impl MissionConfig {
         if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
         }
-        Ok(())
+        self.vision.as_ref().map_or(Ok(()), VisionConfig::validate)
     }
 }
 

@@ -9,6 +9,7 @@ use crate::journal::CurveSample;
 use crate::mission::{Mission, Outcome};
 use crate::odometer::with_poses;
 use crate::stream::{Command, SensorEvent};
+use crate::vision_verifier::VisionVerifier;
 
 impl Mission {
     /// What the sensors said since the last cycle, in time order (OmniVLN III-A).
@@ -32,6 +33,8 @@ impl Mission {
         if t_s >= self.next_refresh_s {
             self.next_refresh_s = t_s + self.config.refresh_period_s;
             self.world.refresh(t_s, &mut self.journal.clock);
+            let news = self.world.vision.as_mut().map(VisionVerifier::take_news).unwrap_or_default();
+            self.journal.notes.extend(news.into_iter().map(|sentence| (t_s, sentence)));
             self.body.replan(&self.world, &mut self.journal.clock);
         }
 

@@ -13,6 +13,7 @@ use volumetric_map::{Cell, DistanceField, LineOfSight, PlaceEvent, Volume};
 use crate::coverage::Frontier;
 use crate::relation_verifier::geometric_score;
 use crate::rooms::RoomMap;
+use crate::vision_verifier::VisionVerifier;
 
 /// Frontier places are numbered from here, apart from the places of the skeleton.
 const FRONTIER_BASE: u64 = 1 << 32;
@@ -74,7 +75,7 @@ impl GraphBuilder {
         self.count(change);
     }
 
-    /// Layers 3 to 5, relations and groups.
+    /// Layers 3 to 5, relations and groups. `vision` scores short relations (Eq. 7) where there is one, else geometry does.
     #[allow(clippy::too_many_arguments)] // one argument for each thing the graph is made of
     pub fn update(
         &mut self,
@@ -85,6 +86,7 @@ impl GraphBuilder {
         field: &DistanceField,
         odometry: &OdometryEstimate,
         floor_m: f64,
+        vision: Option<&mut VisionVerifier>,
     ) {
         let update = self.places_of(graph, events, frontiers, floor_m);
         let change = dsg::update_places(graph, &update);
@@ -97,7 +99,18 @@ impl GraphBuilder {
             LineOfSight::Blocked { at } => Some(at),
             LineOfSight::Clear | LineOfSight::Unknown { .. } => None,
         };
-        let change = dsg::update_relations(graph, &blocked, &geometric_score, &self.relations);
+        let change = match vision {
+            None => dsg::update_relations(graph, &blocked, &geometric_score, &self.relations),
+            Some(vision) => {
+                let answers = vision.settle(graph, self.relations.verify_threshold, odometry.stamp);
+                if !answers.is_empty() {
+                    let change = graph.apply(Op::Batch(answers));
+                    self.count(change);
+                }
+                let score = |a: &dsg::Object, b: &dsg::Object, kind| vision.score(a, b, kind);
+                dsg::update_relations(graph, &blocked, &score, &self.relations)
+            }
+        };
         self.count(change);
         let change = dsg::update_groups(graph, &self.groups);
         self.count(change);
@@ -224,7 +237,7 @@ fn nearest_place(graph: &SceneGraph, point: &Point3<f64>, update: &PlaceUpdate) 
 }
 
 /// Whether the map shows nothing between the eye and a box (up to a hand's breadth before it).
-fn is_visible(eye: &Point3<f64>, bounds: &Aabb, volume: &Volume) -> bool {
+pub(crate) fn is_visible(eye: &Point3<f64>, bounds: &Aabb, volume: &Volume) -> bool {
     let middle = bounds.center();
     let way: Vector3<f64> = middle - eye;
     let radius_m = 0.5 * (bounds.max - bounds.min).norm() + 0.10;

@@ -33,10 +33,12 @@ pub mod navigation;
 pub mod odometer;
 pub mod odometry_run;
 pub mod openai;
+pub mod perspective_crop;
 pub mod posed_scans;
 pub mod reach;
 pub mod reasoning;
 pub mod recording;
+pub mod relation_question;
 pub mod relation_verifier;
 pub mod rig;
 pub mod rooms;
@@ -53,6 +55,8 @@ pub mod stream;
 #[cfg(test)]
 mod test_events;
 pub mod tum;
+pub mod vision_config;
+pub mod vision_verifier;
 pub mod world_model;
 
 // The parts, for those who hold a mission: the arena and the toolbox see the crates of the robot's side only through it.

@@ -187,6 +187,10 @@ impl Mission {
         let mut world = WorldModel::new(&self.robot, &self.config, self.world.camera(), floor_m)
             .expect("the same settings made the map of its own");
         world.ignored = self.world.ignored.clone();
+        world.vision = self.world.vision.take();
+        if let Some(vision) = &mut world.vision {
+            vision.forget_graph();
+        }
         world.know(known, frame);
         for event in recent {
             world.see(event, &mut self.journal.clock);

@@ -126,7 +126,7 @@ impl MappingRun {
 
     /// What was not used, in sentences.
     pub fn unused(&self) -> Vec<String> {
-        let mut sentences = self.world.ignored.sentences();
+        let mut sentences = self.world.account();
         sentences.extend(self.odometer.iter().flat_map(|odometer| odometer.refused.sentences()));
         sentences.extend(
             self.dropped.iter().map(|(reason, count)| format!("left out: {count} times {}", reason.replace('_', " "))),

@@ -147,10 +147,11 @@ impl Mission {
         self.odometer.as_ref().and_then(Odometer::newest)
     }
 
-    /// What the sensors said that could not be used, one sentence each; nothing where all was.
+    /// What the sensors said that could not be used, and what the vision model was asked, one sentence each; nothing where all was
+    /// used and nothing asked.
     pub fn unused(&self) -> Vec<String> {
         let mut sentences = self.odometer.as_ref().map(|odometer| odometer.refused.sentences()).unwrap_or_default();
-        sentences.extend(self.world.ignored.sentences());
+        sentences.extend(self.world.account());
         sentences
     }
 

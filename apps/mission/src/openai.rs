@@ -1,8 +1,11 @@
-//! A client for any OpenAI-compatible server: one blocking request with a deadline, a bounded body and a typed failure.
+//! A client for any OpenAI-compatible server: one blocking request with a deadline, a bounded body and a typed failure. [`chat`] sends
+//! words, [`chat_about_picture`] words and a picture.
 //!
 //! Plain HTTP on purpose: such servers run on the robot or in the same building. What comes back is hostile until the
 //! prompt crate has parsed and checked it.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::{Value, json};
 use thiserror::Error;
 
@@ -82,6 +85,28 @@ pub enum ChatError {
 
 /// Asks once: a system text, a user text, and optionally a JSON schema that the answer shall obey.
 pub fn chat(config: &ChatConfig, system: &str, user: &str, schema: Option<&Value>) -> Result<ChatReply, ChatError> {
+    send(config, system, json!(user), schema.map(|schema| ("action", schema)))
+}
+
+/// Asks once about a picture: the JPEG goes as a data URL beside the user text. `schema` has a name and the JSON schema.
+pub fn chat_about_picture(
+    config: &ChatConfig,
+    system: &str,
+    user: &str,
+    jpeg: &[u8],
+    schema: (&str, &Value),
+) -> Result<ChatReply, ChatError> {
+    let url = format!("data:image/jpeg;base64,{}", BASE64.encode(jpeg));
+    let content = json!([{"type": "text", "text": user}, {"type": "image_url", "image_url": {"url": url}}]);
+    send(config, system, content, Some(schema))
+}
+
+fn send(
+    config: &ChatConfig,
+    system: &str,
+    content: Value,
+    schema: Option<(&str, &Value)>,
+) -> Result<ChatReply, ChatError> {
     if !config.base_url.starts_with("http://") {
         return Err(ChatError::Address(config.base_url.clone()));
     }
@@ -91,12 +116,12 @@ pub fn chat(config: &ChatConfig, system: &str, user: &str, schema: Option<&Value
         "max_tokens": config.max_answer_tokens,
         "messages": [
             {"role": "system", "content": system},
-            {"role": "user", "content": user},
+            {"role": "user", "content": content},
         ],
     });
-    if let Some(schema) = schema {
+    if let Some((name, schema)) = schema {
         request["response_format"] =
-            json!({"type": "json_schema", "json_schema": {"name": "action", "strict": true, "schema": schema}});
+            json!({"type": "json_schema", "json_schema": {"name": name, "strict": true, "schema": schema}});
     }
     let url = format!("{}/chat/completions", config.base_url);
     let mut last = ChatError::Unreadable("no request was made");

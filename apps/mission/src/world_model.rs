@@ -16,13 +16,14 @@ use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
-use crate::graph_builder::GraphBuilder;
+use crate::graph_builder::{GraphBuilder, is_visible};
 use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
 use crate::rooms::RoomMap;
 use crate::stage_clock::StageClock;
 use crate::stream::SensorEvent;
+use crate::vision_verifier::VisionVerifier;
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
@@ -123,6 +124,8 @@ pub struct WorldModel {
     pub body_height_m: f64,
     /// What was not used.
     pub ignored: Ignored,
+    /// Who shows relations to a vision model, if there is one.
+    pub vision: Option<VisionVerifier>,
     /// What was seen from where, while the robot does not know where in a known building it is.
     pub looks: Option<Looks>,
 }
@@ -181,6 +184,7 @@ impl WorldModel {
             floor_m,
             body_height_m,
             ignored: Ignored::default(),
+            vision: config.vision.clone().map(VisionVerifier::new).transpose()?,
             looks: None,
             config: config.clone(),
         })
@@ -349,15 +353,18 @@ impl WorldModel {
                 return;
             }
             let panorama = self.waiting.pop_front().expect("it has a front");
-            self.label(&panorama, clock);
+            let world_from_camera = self.label(&panorama, clock);
+            if let (Some(vision), Some(pose), Some(image)) = (&mut self.vision, world_from_camera, panorama.image) {
+                vision.look(panorama.stamp, image, self.camera, pose);
+            }
         }
     }
 
-    /// One image: which point belongs to which mask, which object to which masks.
-    fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) {
+    /// One image: which point belongs to which mask, which object to which masks. Returns where it was taken, if it was used.
+    fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) -> Option<Isometry3<f64>> {
         let Some(world_from_body) = self.trajectory.world_from_body(panorama.stamp) else {
             self.ignored.images += 1;
-            return;
+            return None;
         };
         let world_from_camera = world_from_body * self.body_from_camera;
         let window_ns = (self.config.label_window_s * 1e9) as i64;
@@ -367,7 +374,7 @@ impl WorldModel {
         let points = scans.concat();
         if points.is_empty() {
             self.ignored.images += 1;
-            return;
+            return None;
         }
         let observations = clock.time("labels", || {
             observe_objects(panorama, &points, &world_from_camera, &self.camera, &ObservationConfig::default())
@@ -396,6 +403,7 @@ impl WorldModel {
             .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
         self.ignored.changes += self.builder.take_refusals();
         self.coverage.look(&eye.xy(), &self.slice);
+        Some(world_from_camera)
     }
 
     /// Twice a second: surface, distances, places, rooms, relations, ways.
@@ -433,9 +441,16 @@ impl WorldModel {
                 &self.field,
                 &odometry,
                 self.floor_m,
+                self.vision.as_mut(),
             );
         });
         self.ignored.changes += self.builder.take_refusals();
+        if let Some(vision) = &mut self.vision {
+            let volume = &self.volume;
+            clock.time("vision", || {
+                vision.ask(&self.graph, odometry.stamp, &|eye, bounds| is_visible(eye, bounds, volume));
+            });
+        }
     }
 
     /// Offers the frontiers again that were left alone for a while.
@@ -443,6 +458,13 @@ impl WorldModel {
         self.coverage.reconsider();
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));
         self.builder.put_frontiers(&mut self.graph, self.coverage.frontiers(), self.floor_m);
+    }
+
+    /// What was not used and what the vision model was asked, in sentences.
+    pub fn account(&self) -> Vec<String> {
+        let mut sentences = self.ignored.sentences();
+        sentences.extend(self.vision.as_ref().and_then(|vision| vision.counts.sentence()));
+        sentences
     }
 
     /// Height of the camera over the floor while the robot moves.
