@@ -11,7 +11,6 @@ use arena::cli::{load_robot, stop_at_ctrl_c};
 use arena::map_score::MapScore;
 use arena::map_score::ratio::{Ratio, Spread};
 use arena::mission::robot_model::RobotKind;
-use arena::mission::rooms::RoomConfig;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
 
@@ -208,9 +207,6 @@ pub struct MapOptions {
     /// Factor on what the segmenter gets wrong
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     noise: f64,
-    /// Cut rooms by the rule of `omnivln rooms` instead of the mission's
-    #[arg(long)]
-    plan_rooms: bool,
     /// Keep graph, map, truth and a list of what is wrong of every survey below DIR
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -229,9 +225,6 @@ pub fn map(options: &MapOptions) -> Result<ExitCode> {
     let robot = load_robot(options.urdf.as_deref(), kind)?;
     let mut config = RunConfig::default();
     config.simulation.segmenter.noise_scale = checked_noise(options.noise)?;
-    if options.plan_rooms {
-        config.mission.rooms = RoomConfig::default();
-    }
     let stop = stop_at_ctrl_c()?;
     let result =
         bench_map(&robot, kind, &indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;

@@ -1,26 +1,12 @@
 //! `omnivln dsg`: from one format into the other and back, differences, faults, and the keys that programs read.
 
+mod support;
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use serde_json::Value;
-
-fn omnivln(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_omnivln")).args(args).output().expect("the program starts")
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = omnivln(args);
-    serde_json::from_str(&said(&output)).unwrap_or_else(|error| panic!("{args:?}: {error}: {output:?}"))
-}
-
-fn keys(value: &Value) -> Vec<&str> {
-    value.as_object().expect("an object").keys().map(String::as_str).collect()
-}
+use support::{json, keys, omnivln};
 
 /// A file of theirs, written by hand: two rooms, a chair, a person who walks, a pose, a mesh.
 fn theirs(folder: &Path) -> PathBuf {
@@ -71,10 +57,10 @@ fn a_graph_goes_into_our_format_and_back_without_a_difference() {
         (at("ours"), at("back.json"), "spark-dsg"),
         (at("ours.json"), at("back2.json"), "spark-dsg"),
     ] {
-        let output = omnivln(&["dsg", "convert", &from, &to, "--to", format]);
-        assert!(output.status.success(), "{output:?}");
-        let output = omnivln(&["dsg", "diff", &original, &to]);
-        assert_eq!((output.status.code(), said(&output).trim()), (Some(0), "no difference"), "{output:?}");
+        let (code, _, error) = omnivln(&["dsg", "convert", &from, &to, "--to", format]);
+        assert_eq!(code, Some(0), "{error}");
+        let (code, said, error) = omnivln(&["dsg", "diff", &original, &to]);
+        assert_eq!((code, said.trim()), (Some(0), "no difference"), "{error}");
     }
     assert_eq!(std::fs::read(at("back.json")).unwrap(), std::fs::read(at("back2.json")).unwrap());
     // Their graph has no way between the rooms that it did not have.
@@ -83,42 +69,41 @@ fn a_graph_goes_into_our_format_and_back_without_a_difference() {
     assert_eq!(back["mesh"]["labels"], serde_json::json!([5, 5, 5]));
 
     let info = json(&["dsg", "info", &original, "--json"]);
-    assert_eq!(
-        keys(&info),
-        [
-            "agents",
-            "buildings",
-            "edges",
-            "format",
-            "groups",
-            "mesh_faces",
-            "mesh_vertices",
-            "moving",
-            "nodes",
-            "objects",
-            "places",
-            "poses",
-            "relations",
-            "revision",
-            "rooms",
-            "summary",
-        ]
-    );
+    let promised = [
+        "agents",
+        "buildings",
+        "edges",
+        "format",
+        "groups",
+        "mesh_faces",
+        "mesh_vertices",
+        "moving",
+        "nodes",
+        "objects",
+        "places",
+        "poses",
+        "relations",
+        "revision",
+        "rooms",
+        "summary",
+    ];
+    assert_eq!(keys(&info), BTreeSet::from(promised));
     assert_eq!((&info["nodes"], &info["edges"], &info["moving"]), (&7.into(), &5.into(), &1.into()));
-    let text = said(&omnivln(&["dsg", "info", &at("ours")]));
+    let (_, text, _) = omnivln(&["dsg", "info", &at("ours")]);
     assert!(text.contains("kitchen (R0") && text.contains("chair (O1)") && text.contains("moving"), "{text}");
 
     // A difference has a line and an exit code.
     let changed = std::fs::read_to_string(&original).unwrap().replace("chair_1", "stool_1");
     std::fs::write(at("changed.json"), changed).unwrap();
-    let output = omnivln(&["dsg", "diff", &original, &at("changed.json")]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(said(&output).contains("object O1 label: \"chair\" -> \"stool\""), "{}", said(&output));
-    let differences = json(&["dsg", "diff", &original, &at("changed.json"), "--json"]);
-    assert_eq!(keys(&differences), ["differences", "mesh_same"]);
+    let (code, said, _) = omnivln(&["dsg", "diff", &original, &at("changed.json")]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("object O1 label: \"chair\" -> \"stool\""), "{said}");
+    let (_, said, _) = omnivln(&["dsg", "diff", &original, &at("changed.json"), "--json"]);
+    let differences: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(keys(&differences), BTreeSet::from(["differences", "mesh_same"]));
 
     let time = json(&["dsg", "time", &original, "--json"]);
-    assert_eq!(keys(&time), ["edges", "load_cpu_s", "nodes", "peak_rss_mib", "save_cpu_s"]);
+    assert_eq!(keys(&time), BTreeSet::from(["edges", "load_cpu_s", "nodes", "peak_rss_mib", "save_cpu_s"]));
 }
 
 #[test]
@@ -129,19 +114,19 @@ fn faults_have_a_line_each_and_what_is_whole_is_saved() {
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text.replace("\"distance\":0.8", "\"distance\":\"wide\"");
     std::fs::write(&broken, &text).unwrap();
-    let output = omnivln(&["dsg", "check", &path.display().to_string(), &broken]);
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    let lines: Vec<String> = said(&output).lines().map(str::to_owned).collect();
+    let whole = path.display().to_string();
+    let (code, said, _) = omnivln(&["dsg", "check", &whole, &broken]);
+    assert_eq!(code, Some(1), "{said}");
+    let lines: Vec<&str> = said.lines().collect();
     assert!(lines.iter().all(|line| line.starts_with(&broken)), "{lines:?}");
     assert!(lines[0].ends_with("$.nodes[0].attributes.distance is not a number"), "{lines:?}");
-    assert_eq!(omnivln(&["dsg", "check", &path.display().to_string()]).status.code(), Some(0));
+    assert_eq!(omnivln(&["dsg", "check", &whole]).0, Some(0));
 
-    let refused = omnivln(&["dsg", "info", &broken]);
-    let error = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(!refused.status.success() && error.contains("broken.json") && error.contains("$.nodes[0]"), "{error}");
+    let (code, _, error) = omnivln(&["dsg", "info", &broken]);
+    assert!(code == Some(2) && error.contains("broken.json") && error.contains("$.nodes[0]"), "{error}");
     let saved = folder.path().join("saved").display().to_string();
-    let output = omnivln(&["dsg", "convert", &broken, &saved, "--to", "omni", "--salvage"]);
-    assert!(output.status.success(), "{output:?}");
+    let (code, _, error) = omnivln(&["dsg", "convert", &broken, &saved, "--to", "omni", "--salvage"]);
+    assert_eq!(code, Some(0), "{error}");
     let info = json(&["dsg", "info", &saved, "--json"]);
     assert_eq!((&info["places"], &info["objects"], &info["rooms"]), (&0.into(), &2.into(), &2.into()));
 
@@ -150,10 +135,10 @@ fn faults_have_a_line_each_and_what_is_whole_is_saved() {
     {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
-        let output = omnivln(&["dsg", "check", &path.display().to_string()]);
-        assert_eq!(output.status.code(), Some(1), "{name}: {output:?}");
-        assert!(said(&output).contains("neither a graph.json of ours nor"), "{name}: {output:?}");
+        let (code, said, _) = omnivln(&["dsg", "check", &path.display().to_string()]);
+        assert_eq!(code, Some(1), "{name}: {said}");
+        assert!(said.contains("neither a graph.json of ours nor"), "{name}: {said}");
     }
-    let missing = omnivln(&["dsg", "info", "/nowhere/graph.json"]);
-    assert_eq!(missing.status.code(), Some(2));
+    let (code, _, error) = omnivln(&["dsg", "info", "/nowhere/graph.json"]);
+    assert!(code == Some(2) && error.contains("/nowhere/graph.json"), "{error}");
 }
