@@ -38,15 +38,15 @@ const SOFA: ObjectId = ObjectId(3);
 const PICTURE: ObjectId = ObjectId(4);
 const EYE: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Name, box, colour. A vase stands on a table; behind the eye, across the seam of the panorama, a picture hangs 5 cm
-/// behind the sofa's back, which geometry takes for doubtful after one look.
+/// Name, box, colour. A vase stands on a table; behind the eye, across the seam of the panorama, a picture hangs 22 cm
+/// behind the sofa's back: geometry is hardly sure after one look.
 fn things() -> [(&'static str, Aabb, [u8; 3]); 4] {
     let thing = |center: [f64; 3], sides: [f64; 3]| Aabb::from_center(Point3::from(center), Vector3::from(sides));
     [
         ("table", thing([2.4, 0.0, 0.375], [0.8, 1.4, 0.75]), [150, 90, 30]),
         ("vase", thing([2.2, 0.1, 0.90], [0.2, 0.2, 0.3]), [230, 20, 20]),
         ("sofa", thing([-2.4, 0.0, 0.4], [0.9, 1.6, 0.8]), [20, 40, 200]),
-        ("picture", thing([-2.92, 0.0, 1.5], [0.04, 0.6, 0.4]), [20, 200, 40]),
+        ("picture", thing([-3.09, 0.0, 1.5], [0.04, 0.6, 0.4]), [20, 200, 40]),
     ]
 }
 
@@ -220,13 +220,13 @@ fn the_model_is_shown_both_things_and_asked_about_one_relation() {
             assert!(unlike < 30, "{name} at {u} {v}: {shown:?}");
         }
     }
-    assert_eq!(robot.counts(), VisionCounts { asked: 3, answered: 3, overruled: 1, ..VisionCounts::default() });
+    assert_eq!(robot.counts(), VisionCounts { asked: 3, answered: 3, ..VisionCounts::default() });
     robot.live(6);
     assert_eq!(fake.requests().len(), 3, "each once");
 }
 
 #[test]
-fn a_no_removes_what_geometry_believed_and_a_yes_keeps_what_it_doubted() {
+fn a_no_removes_what_geometry_believed_and_a_yes_confirms_it() {
     let fake = FakeService::start(|_, request| {
         reply(if is_about_the_vase(request) { r#"Well: {"answer": "no"}"# } else { r#"{"holds": 0.8}"# })
     });
@@ -234,7 +234,8 @@ fn a_no_removes_what_geometry_believed_and_a_yes_keeps_what_it_doubted() {
     robot.step();
     let (on, above) = ((VASE, RelationKind::On, TABLE), (PICTURE, RelationKind::Above, SOFA));
     assert_eq!(robot.relation(on.0, on.1, on.2).evidence.verdict, Verdict::Holds, "geometry, while the model thinks");
-    assert_eq!(robot.relation(above.0, above.1, above.2).evidence.verdict, Verdict::Rejected);
+    let hardly = robot.relation(above.0, above.1, above.2).evidence;
+    assert!(hardly.verdict == Verdict::Holds && hardly.score < 0.8, "{hardly:?}");
     robot.live(4);
     let no = robot.relation(on.0, on.1, on.2).evidence;
     assert_eq!((no.verdict, no.source, no.score), (Verdict::Rejected, EvidenceSource::Verifier, 0.0));
@@ -244,9 +245,9 @@ fn a_no_removes_what_geometry_believed_and_a_yes_keeps_what_it_doubted() {
         assert_eq!((yes.verdict, yes.source, yes.score), (Verdict::Holds, EvidenceSource::Verifier, 0.8), "{kind}");
         assert!(robot.graph.relations().any(|r| r.key() == (subject, kind, object, None)));
     }
-    assert_eq!(robot.counts().overruled, 2);
+    assert_eq!(robot.counts().overruled, 1);
     let news = robot.vision().take_news();
-    assert!(news.len() == 2 && news[0].contains("O2 on O1 with probability 0.00"), "{news:?}");
+    assert!(news.len() == 1 && news[0].contains("O2 on O1 with probability 0.00"), "{news:?}");
     let revision = robot.graph.revision();
     let poses = robot.graph.agents().map(|agent| agent.trajectory.len()).sum::<usize>();
     robot.live(3);
@@ -438,10 +439,7 @@ fn a_server_that_is_down_is_left_alone_longer_and_longer_and_then_used() {
     }
     // Two failures, then a rest of 1, 2, 4, 4, 4 s at half a second a refresh, then three answers.
     assert_eq!(said, "??.?...?.......?.......?.......???...".chars().take(36).collect::<String>());
-    assert_eq!(
-        robot.counts(),
-        VisionCounts { asked: 9, answered: 3, overruled: 1, refused: 6, ..VisionCounts::default() }
-    );
+    assert_eq!(robot.counts(), VisionCounts { asked: 9, answered: 3, refused: 6, ..VisionCounts::default() });
 }
 
 #[test]

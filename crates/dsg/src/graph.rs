@@ -168,6 +168,17 @@ impl SceneGraph {
         self.room_edges.values()
     }
 
+    /// The way between two rooms, in either order: they are connected if there is one.
+    pub fn room_edge(&self, a: RoomId, b: RoomId) -> Option<&RoomEdge> {
+        self.room_edges.get(&(a.min(b), a.max(b)))
+    }
+
+    /// Whether two objects are in one functional group.
+    pub fn are_in_same_group(&self, a: ObjectId, b: ObjectId) -> bool {
+        let group = |id| self.object(id).and_then(|object| object.group);
+        group(a).is_some() && group(a) == group(b)
+    }
+
     /// The ways out of a room, by the id of the room on the other side.
     pub fn doors_of(&self, id: RoomId) -> Vec<&RoomEdge> {
         let mut doors: Vec<&RoomEdge> = self.room_edges().filter(|edge| edge.other(id).is_some()).collect();

@@ -1,4 +1,8 @@
 //! Relations between objects ("mug on table"), each with the evidence for it, or for why it was dropped.
+//!
+//! Two relations need no record of their own, since the layers say them: "connected" is the way between two rooms
+//! ([`SceneGraph::room_edge`](crate::SceneGraph::room_edge), with doorway and width), "same group" is membership
+//! ([`SceneGraph::are_in_same_group`](crate::SceneGraph::are_in_same_group)).
 
 use std::fmt;
 
