@@ -32,19 +32,19 @@ impl From<Robot> for RobotKind {
     }
 }
 
-/// Options of `bench nav`.
+/// Which scenes a robot is put into, and what is done with the result: the options that the benches over scenes share.
 #[derive(Debug, Args)]
-pub struct NavOptions {
+struct SceneOptions {
     /// The robot
     #[arg(long, value_enum)]
     robot: Robot,
-    /// Number of buildings, one instruction each
+    /// Number of buildings
     #[arg(long, default_value_t = 20)]
     scenes: usize,
     /// Run only these of the scenes, to look at some again
     #[arg(long, value_delimiter = ',', value_name = "INDEX")]
     only: Vec<usize>,
-    /// Seed from which buildings, instructions and starts are drawn
+    /// Seed from which buildings, starts and, where there are any, instructions are drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Another robot model
@@ -53,12 +53,9 @@ pub struct NavOptions {
     /// Factor on what the segmenter gets wrong
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     noise: f64,
-    /// Keep every run folder below DIR
+    /// Keep the folder of every scene below DIR
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
-    /// Give up after so many seconds of simulated time
-    #[arg(long, default_value_t = 600.0)]
-    max_time: f64,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -67,23 +64,55 @@ pub struct NavOptions {
     quiet: bool,
 }
 
+impl SceneOptions {
+    /// The scenes to run: all, or those asked for.
+    fn indices(&self) -> Result<Vec<usize>> {
+        let scenes = self.scenes;
+        anyhow::ensure!(scenes > 0, "--scenes must be at least 1");
+        if let Some(index) = self.only.iter().find(|index| **index >= scenes) {
+            anyhow::bail!("--only {index}: there are {scenes} scenes, numbered from 0");
+        }
+        Ok(if self.only.is_empty() { (0..scenes).collect() } else { self.only.clone() })
+    }
+
+    /// The configuration of a run, with the noise that was asked for.
+    fn config(&self) -> Result<RunConfig> {
+        let noise = self.noise;
+        anyhow::ensure!(
+            noise.is_finite() && noise >= 0.0,
+            "--noise must be a number that is not negative, not {noise}"
+        );
+        let mut config = RunConfig::default();
+        config.simulation.segmenter.noise_scale = noise;
+        Ok(config)
+    }
+}
+
+/// Options of `bench nav`: one instruction in each building; `--keep` keeps the run folders.
+#[derive(Debug, Args)]
+pub struct NavOptions {
+    #[command(flatten)]
+    scenes: SceneOptions,
+    /// Give up after so many seconds of simulated time
+    #[arg(long, default_value_t = 600.0)]
+    max_time: f64,
+}
+
 /// Runs the bench and prints its table or its JSON.
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
-    let kind = RobotKind::from(options.robot);
-    let indices = chosen_scenes(options.scenes, &options.only)?;
-    let noise = checked_noise(options.noise)?;
+    let asked = &options.scenes;
+    let kind = RobotKind::from(asked.robot);
+    let indices = asked.indices()?;
+    let max_time_s = options.max_time;
     anyhow::ensure!(
-        options.max_time.is_finite() && options.max_time > 0.0,
-        "--max-time must be a positive number of seconds, not {}",
-        options.max_time
+        max_time_s.is_finite() && max_time_s > 0.0,
+        "--max-time must be a positive number of seconds, not {max_time_s}"
     );
-    let robot = load_robot(options.urdf.as_deref(), kind)?;
-    let mut config = RunConfig { max_time_s: options.max_time, ..RunConfig::default() };
-    config.simulation.segmenter.noise_scale = noise;
+    let config = RunConfig { max_time_s, ..asked.config()? };
+    let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
-    let result =
-        bench_nav(&robot, kind, &indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
-    if options.json {
+    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;
+    if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
         print_table(&indices, &result);
@@ -186,49 +215,22 @@ fn print_coverage(result: &BenchCoverage) {
     row("", "fixed", &result.std.fixed);
 }
 
-/// Options of `bench map`.
+/// Options of `bench map`; `--keep` keeps graph, map, truth and a list of what is wrong of every survey.
 #[derive(Debug, Args)]
 pub struct MapOptions {
-    /// The robot
-    #[arg(long, value_enum)]
-    robot: Robot,
-    /// Number of buildings
-    #[arg(long, default_value_t = 20)]
-    scenes: usize,
-    /// Survey only these of the scenes, to look at some again
-    #[arg(long, value_delimiter = ',', value_name = "INDEX")]
-    only: Vec<usize>,
-    /// Seed from which buildings and starts are drawn
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Another robot model
-    #[arg(long, value_name = "FILE")]
-    urdf: Option<PathBuf>,
-    /// Factor on what the segmenter gets wrong
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
-    noise: f64,
-    /// Keep graph, map, truth and a list of what is wrong of every survey below DIR
-    #[arg(long, value_name = "DIR")]
-    keep: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
-    /// No progress
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    scenes: SceneOptions,
 }
 
 /// Runs the bench and prints its table or its JSON.
 pub fn map(options: &MapOptions) -> Result<ExitCode> {
-    let kind = RobotKind::from(options.robot);
-    let indices = chosen_scenes(options.scenes, &options.only)?;
-    let robot = load_robot(options.urdf.as_deref(), kind)?;
-    let mut config = RunConfig::default();
-    config.simulation.segmenter.noise_scale = checked_noise(options.noise)?;
+    let asked = &options.scenes;
+    let kind = RobotKind::from(asked.robot);
+    let (indices, config) = (asked.indices()?, asked.config()?);
+    let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
-    let result =
-        bench_map(&robot, kind, &indices, options.seed, &config, options.keep.as_deref(), options.quiet, &stop)?;
-    if options.json {
+    let result = bench_map(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;
+    if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
         print_map(&result);
@@ -310,18 +312,4 @@ fn print_map(result: &BenchMap) {
     arena::say!("  adjusted Rand index: mean {mean}, worst {worst}, over {} things", all.groups.things);
     share("pairs that are together, of those found", &all.groups.pair_precision);
     share("pairs found, of those that are together", &all.groups.pair_recall);
-}
-
-/// The scenes to run: all, or those asked for.
-fn chosen_scenes(scenes: usize, only: &[usize]) -> Result<Vec<usize>> {
-    anyhow::ensure!(scenes > 0, "--scenes must be at least 1");
-    if let Some(index) = only.iter().find(|index| **index >= scenes) {
-        anyhow::bail!("--only {index}: there are {scenes} scenes, numbered from 0");
-    }
-    Ok(if only.is_empty() { (0..scenes).collect() } else { only.to_vec() })
-}
-
-fn checked_noise(noise: f64) -> Result<f64> {
-    anyhow::ensure!(noise.is_finite() && noise >= 0.0, "--noise must be a number that is not negative, not {noise}");
-    Ok(noise)
 }

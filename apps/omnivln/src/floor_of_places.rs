@@ -96,6 +96,9 @@ fn floor_of_places(places: &[Place], ways: &[Way], resolution_m: f64) -> Result<
 
 /// Frees the cells whose centres are nearer than `half_width_m` to the segment.
 fn free_strip(grid: &mut OccupancyGrid, from: Point2<f64>, to: Point2<f64>, half_width_m: f64) {
+    if half_width_m <= 0.0 {
+        return;
+    }
     let cell = |position: f64, origin: f64| ((position - origin) / grid.resolution_m).max(0.0) as usize;
     let (low, high) = (from.inf(&to), from.sup(&to));
     let columns =
@@ -131,6 +134,8 @@ mod tests {
         let floor = floor_of_places(&places, &[(0, 1, 0.5)], RESOLUTION_M).unwrap();
         let is_free = |x: f64, y: f64| floor.at(&Point2::new(x, y)) == Cell::Free;
         assert!(is_free(0.0, 0.9) && is_free(2.0, 0.4) && is_free(4.9, 0.0));
+        let no_way = floor_of_places(&places, &[(0, 1, -0.5)], RESOLUTION_M).unwrap();
+        assert_eq!(no_way.at(&Point2::new(2.0, 0.0)), Cell::Occupied, "a negative width is none");
         assert!(!is_free(2.0, 0.6) && !is_free(0.0, 1.1) && !is_free(-1.05, 0.0));
     }
 

@@ -1,7 +1,6 @@
 //! `omnivln rooms MAP.png --out labels.png`: a floor plan cut into rooms, or a graph of places.
 //!
-//! The code is that of the robots (`mission::rooms`), with the numbers that are best on floor plans; missions still use older ones
-//! (`MissionConfig::rooms`).
+//! Code and numbers are those of the robots (`mission::rooms`); these also remember the borders of a moment ago.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::graph::SceneGraph;
 use crate::records;
-use crate::spark_kept::{KEPT, is_same};
+use crate::spark::{KEPT, is_same};
 
 /// One difference.
 #[derive(Debug, Clone, PartialEq)]

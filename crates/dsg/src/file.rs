@@ -198,6 +198,7 @@ pub(crate) fn read_document(
     let Loader { mut graph, faults, .. } = loader;
     graph.index_place_edges();
     graph.revision = read_field(&document, "revision", |c| c.u64())?.unwrap_or(0);
+    graph.check_room_to_grow()?;
     graph.clear_log();
     let mesh = match read_field(&document, "mesh", mesh_reference) {
         Ok(mesh) => mesh,

@@ -99,10 +99,13 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     }
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     let mut order: Vec<usize> = (0..objects.len()).collect();
-    order.sort_by(|a, b| objects[*a].bounds.min.x.total_cmp(&objects[*b].bounds.min.x).then(a.cmp(b)));
+    // Room by room, and there along x.
+    let key = |i: usize| (objects[i].room, objects[i].bounds.min.x);
+    order.sort_by(|a, b| key(*a).0.cmp(&key(*b).0).then(key(*a).1.total_cmp(&key(*b).1)).then(a.cmp(b)));
     for (at, &i) in order.iter().enumerate() {
         let reach = objects[i].bounds.max.x + config.reach_m;
-        for &j in order[at + 1..].iter().take_while(|&&j| objects[j].bounds.min.x <= reach) {
+        let is_near = |j: usize| objects[j].room == objects[i].room && objects[j].bounds.min.x <= reach;
+        for &j in order[at + 1..].iter().take_while(|&&j| is_near(j)) {
             let co_occurrence = || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
             let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
             if affinity > config.min_affinity {

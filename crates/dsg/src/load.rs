@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::{Map, Value};
 
+use crate::graph::SceneGraph;
 use crate::op::OpError;
 
 /// Larger files are refused before they are parsed.
@@ -164,6 +165,21 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Value, LoadError> {
         let (line, column) = (error.line(), error.column());
         if error.is_eof() { LoadError::Truncated { line, column } } else { LoadError::Syntax { line, column } }
     })
+}
+
+impl SceneGraph {
+    /// A file may not use up the numbers: whoever goes on with the graph counts from there.
+    pub(crate) fn check_room_to_grow(&self) -> Result<(), LoadError> {
+        const MOST: u64 = u64::MAX - (1 << 32);
+        let next = self.next;
+        let is_full = [self.revision, next.object, next.room, next.group].into_iter().any(|number| number > MOST);
+        let path = JsonPath("$".into());
+        if is_full {
+            Err(LoadError::Type { path, expected: "a graph whose ids and revision are below 2^64 - 2^32" })
+        } else {
+            Ok(())
+        }
+    }
 }
 
 /// A value and the way to it.

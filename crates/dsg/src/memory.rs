@@ -231,8 +231,8 @@ impl ObjectMemory {
         let stale: Vec<Point3<f32>> = self.cells.iter().filter(|c| age_s(c) > FRESH_S).map(|c| c.mean).collect();
         let is_known = |p: &&Point3<f32>| stale.iter().any(|s| (s - **p).norm_squared() <= (VOXEL_M * VOXEL_M) as f32);
         let stride = fresh.len().div_ceil(160);
-        let known = fresh.iter().step_by(stride).filter(is_known).count();
-        if known as f64 >= SETTLED_SHARE * fresh.len().div_ceil(stride) as f64 {
+        let wanted = (SETTLED_SHARE * fresh.len().div_ceil(stride) as f64).ceil() as usize;
+        if fresh.iter().step_by(stride).filter(is_known).take(wanted).count() == wanted {
             return;
         }
         let around = Aabb::around(fresh.iter().map(|point| point.cast::<f64>()));

@@ -136,35 +136,29 @@ impl Mesh {
             return Err(MeshError::Truncated { what: "vertex", index: whole });
         }
         let find = |name: &str| header.properties.iter().find(|(found, _, _)| found == name);
-        let column = |name: &str| -> Option<Vec<f64>> {
-            let (_, scalar, offset) = find(name)?;
-            let rows = data.chunks_exact(header.vertex_bytes).take(header.vertices);
-            Some(rows.map(|row| scalar.read(&row[*offset..])).collect())
-        };
-        let position = || Some((column("x")?, column("y")?, column("z")?));
-        let (x, y, z) = position().ok_or(MeshError::Header { line: 1 })?;
+        let number = |name: &str| find(name).map(|(_, scalar, offset)| (*scalar, *offset));
+        let all = |names: &[&str]| names.iter().map(|name| number(name)).collect::<Option<Vec<_>>>();
+        let position = all(&["x", "y", "z"]).ok_or(MeshError::Header { line: 1 })?;
+        let (color, alpha, label) = (all(&["red", "green", "blue"]), number("alpha"), number("label"));
+        let stamp = all(&["stamp_low", "stamp_high"]);
+        let first_seen = all(&["first_seen_low", "first_seen_high"]);
         let mut mesh = Mesh::default();
-        for index in 0..header.vertices {
-            let point = [x[index] as f32, y[index] as f32, z[index] as f32];
+        for (index, row) in data.chunks_exact(header.vertex_bytes).take(header.vertices).enumerate() {
+            let read = |(scalar, offset): (Scalar, usize)| scalar.read(&row[offset..]);
+            let halves = |half: &[(Scalar, usize)]| (read(half[1]) as u64) << 32 | read(half[0]) as u64;
+            let point = [read(position[0]) as f32, read(position[1]) as f32, read(position[2]) as f32];
             if point.iter().any(|value| !value.is_finite()) {
                 return Err(MeshError::NotFinite { index });
             }
             mesh.points.push(point);
+            if let Some(color) = &color {
+                let alpha = alpha.map_or(255, |alpha| read(alpha) as u8);
+                mesh.colors.push([read(color[0]) as u8, read(color[1]) as u8, read(color[2]) as u8, alpha]);
+            }
+            mesh.labels.extend(label.map(|label| read(label) as u32));
+            mesh.stamps.extend(stamp.as_deref().map(halves));
+            mesh.first_seen_stamps.extend(first_seen.as_deref().map(halves));
         }
-        if let (Some(red), Some(green), Some(blue)) = (column("red"), column("green"), column("blue")) {
-            let alpha = column("alpha").unwrap_or_else(|| vec![255.0; header.vertices]);
-            let color = |i: usize| [red[i] as u8, green[i] as u8, blue[i] as u8, alpha[i] as u8];
-            mesh.colors = (0..header.vertices).map(color).collect();
-        }
-        if let Some(labels) = column("label") {
-            mesh.labels = labels.into_iter().map(|label| label as u32).collect();
-        }
-        let stamps = |low: &str, high: &str| -> Option<Vec<u64>> {
-            let halves = column(low)?.into_iter().zip(column(high)?);
-            Some(halves.map(|(low, high)| (high as u64) << 32 | low as u64).collect())
-        };
-        mesh.stamps = stamps("stamp_low", "stamp_high").unwrap_or_default();
-        mesh.first_seen_stamps = stamps("first_seen_low", "first_seen_high").unwrap_or_default();
         mesh.read_faces(&data[header.vertices * header.vertex_bytes..], &header)?;
         Ok(mesh)
     }

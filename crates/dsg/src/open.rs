@@ -8,7 +8,7 @@ use crate::graph::SceneGraph;
 use crate::load::LoadError;
 use crate::mesh::Mesh;
 use crate::scan::Document;
-use crate::{spark, spark_mesh};
+use crate::spark;
 
 /// The formats that are read and written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,8 +73,8 @@ fn open_with(path: &Path, faults: &mut Faults) -> Result<Opened, LoadError> {
         return Ok(Opened::new(graph, mesh));
     }
     fault.map_or(Ok(()), |fault| faults.note(fault))?;
-    let graph = spark::read(&document, None, faults)?;
-    let mesh = match spark_mesh::read(&document) {
+    let graph = spark::read_document(&document, None, faults)?;
+    let mesh = match spark::mesh::read(&document) {
         Ok(mesh) => mesh,
         Err(fault) => faults.instead(fault)?,
     };

@@ -101,18 +101,22 @@ pub fn update_relations(
 ) -> Result<RelationReport, OpError> {
     config.validate()?;
     let mut report = RelationReport::default();
-    let mut relations: BTreeMap<RelationKey, Relation> = BTreeMap::new();
+    let mut found: Vec<(RelationKey, Relation)> = Vec::new();
     let carrier_of = supports(graph, config);
     for (a, b) in neighbours(graph, config) {
         for candidate in candidates(graph, a, b, &carrier_of, config) {
-            let relation = judge(graph, candidate, line_of_sight, verify, config, &mut report);
-            relations.insert(relation.key(), relation);
+            let ends = if candidate.subject == a.id { (a, b) } else { (b, a) };
+            let relation = judge(graph, candidate, ends, line_of_sight, verify, config, &mut report);
+            found.push((relation.key(), relation));
         }
     }
+    let mut relations: BTreeMap<RelationKey, Relation> = found.into_iter().collect();
     keep_nearest(&mut relations, config.max_near);
     for relation in between(graph, &relations, config) {
-        let relation = ask(graph, relation, verify, config, &mut report);
-        relations.insert(relation.key(), relation);
+        if let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object)) {
+            let relation = ask(graph, relation, (a, b), verify, config, &mut report);
+            relations.insert(relation.key(), relation);
+        }
     }
     for relation in relations.values() {
         match relation.evidence.verdict {
@@ -122,16 +126,28 @@ pub fn update_relations(
         }
     }
 
-    // The difference to what is known.
-    let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
-    let gone = graph.relations.values().filter(|known| !is_stated(known) && !relations.contains_key(&known.key()));
-    let mut ops: Vec<Op> = gone.map(|known| Op::RemoveRelation(known.key())).collect();
-    let is_news = |relation: &&Relation| {
-        graph.relations.get(&relation.key()).is_none_or(|known| !is_stated(known) && known != *relation)
-    };
-    ops.extend(relations.values().filter(is_news).map(|relation| Op::PutRelation(*relation)));
+    let ops = news(&graph.relations, &relations);
     report.revision = graph.apply(Op::Batch(ops))?.revision;
     Ok(report)
+}
+
+/// The difference to what is known; what was stated stays. Both are in order, so one walk along both does it.
+fn news(known: &BTreeMap<RelationKey, Relation>, now: &BTreeMap<RelationKey, Relation>) -> Vec<Op> {
+    let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
+    let gone = |(key, old): (&RelationKey, &Relation)| (!is_stated(old)).then_some(Op::RemoveRelation(*key));
+    let mut ops = Vec::new();
+    let mut known = known.iter().peekable();
+    for (key, relation) in now {
+        while let Some(old) = known.next_if(|(old, _)| *old < key) {
+            ops.extend(gone(old));
+        }
+        let same = known.next_if(|(old, _)| *old == key);
+        if same.is_none_or(|(_, old)| !is_stated(old) && old != relation) {
+            ops.push(Op::PutRelation(*relation));
+        }
+    }
+    ops.extend(known.filter_map(gone));
+    ops
 }
 
 /// Pairs of confirmed objects close enough for any relation, smaller id first, by a sweep along x.
@@ -198,8 +214,8 @@ fn candidates(
         }
     }
     let near = relation(a, RelationKind::Near, b);
-    let is_known = graph.relations.get(&near.key()).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
-    if gap_m <= config.near_m + if is_known { NEAR_HYSTERESIS_M } else { 0.0 } {
+    let is_known = || graph.relations.get(&near.key()).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+    if gap_m <= config.near_m || (gap_m <= config.near_m + NEAR_HYSTERESIS_M && is_known()) {
         found.push(near);
     }
     found
@@ -220,25 +236,26 @@ fn rounded(gap_m: f64) -> f64 {
 fn judge(
     graph: &SceneGraph,
     mut relation: Relation,
+    (a, b): (&Object, &Object),
     line_of_sight: SightLine,
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
     report: &mut RelationReport,
 ) -> Relation {
     if relation.kind == RelationKind::Near
-        && let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object))
         && let Some(at) = parting_wall(graph, a, b).or_else(|| blocking_point(a, b, line_of_sight, config))
     {
         relation.evidence.verdict = Verdict::Blocked(at);
         return relation;
     }
-    ask(graph, relation, verify, config, report)
+    ask(graph, relation, (a, b), verify, config, report)
 }
 
 /// OmniVLN Eq. 7: short relations are shown to the verifier, once.
 fn ask(
     graph: &SceneGraph,
     mut relation: Relation,
+    (a, b): (&Object, &Object),
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
     report: &mut RelationReport,
@@ -246,9 +263,6 @@ fn ask(
     if relation.evidence.distance_m >= config.verify_within_m {
         return relation;
     }
-    let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object)) else {
-        return relation;
-    };
     let known = graph.relations.get(&relation.key()).map(|known| known.evidence);
     relation.evidence.source = EvidenceSource::Verifier;
     relation.evidence.score = match known {

@@ -48,8 +48,8 @@ pub(crate) fn parting_wall(graph: &SceneGraph, a: &Object, b: &Object) -> Option
         let along = (to_door.dot(&way) / way.norm_squared().max(1e-9)).clamp(0.0, 1.0);
         (to_door - way * along).norm() <= door.width_m / 2.0 + JAMB_M
     };
-    let mut doors = graph.room_edges().filter(|door| (door.a, door.b) == (room_a.min(room_b), room_a.max(room_b)));
-    if doors.any(goes_through) { None } else { Some(nalgebra::center(&a.centroid, &b.centroid)) }
+    let is_through = graph.room_edge(room_a, room_b).is_some_and(goes_through);
+    if is_through { None } else { Some(nalgebra::center(&a.centroid, &b.centroid)) }
 }
 
 fn lifted(point: &Point3<f64>, z_m: f64) -> Point3<f64> {

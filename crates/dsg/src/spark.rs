@@ -7,9 +7,21 @@
 //! between objects.
 //!
 //! Nothing is lost on the way, in either direction. What they say and we have no field for is kept word for word and written back
-//! (`spark_kept.rs`); what we say and they have no field for travels in their open `metadata` under `omni_dsg`, which
+//! (`spark/kept.rs`); what we say and they have no field for travels in their open `metadata` under `omni_dsg`, which
 //! survives their loading and saving, and is only written where their fields alone would not bring the node back. Where
 //! the two disagree on the way back (somebody moved a node with their tools), theirs is the newer and holds.
+
+mod attributes;
+mod build;
+mod kept;
+pub(crate) mod mesh;
+mod names;
+mod ours;
+mod plain;
+mod read;
+mod write;
+
+pub(crate) use kept::{KEPT, is_same};
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -19,7 +31,6 @@ use crate::graph::SceneGraph;
 use crate::load::{JsonPath, LoadError};
 use crate::mesh::Mesh;
 use crate::scan::Document;
-use crate::spark_read::Import;
 
 /// Letters of node symbols.
 pub(crate) const OBJECT: u8 = b'O';
@@ -42,7 +53,7 @@ pub(crate) fn symbol(letter: u8, index: u64) -> u64 {
 pub fn read_spark_dsg(bytes: &[u8], label_names: Option<&BTreeMap<u32, String>>) -> Result<SceneGraph, LoadError> {
     let (document, fault) = Document::scan(bytes);
     fault.map_or(Ok(()), Err)?;
-    read(&document, label_names, &mut Faults::fatal())
+    read_document(&document, label_names, &mut Faults::fatal())
 }
 
 /// Writes a graph, and its mesh if there is one, as spark_dsg JSON.
@@ -52,7 +63,7 @@ pub fn read_spark_dsg(bytes: &[u8], label_names: Option<&BTreeMap<u32, String>>)
 /// # Errors
 /// What the writer says.
 pub fn write_spark_dsg(graph: &SceneGraph, mesh: Option<&Mesh>, out: &mut impl Write) -> io::Result<()> {
-    crate::spark_write::write(graph, mesh, out)
+    write::write(graph, mesh, out)
 }
 
 /// Whether a document is one of theirs: without a header it is 1.0.0, which has `layer_ids`.
@@ -60,7 +71,7 @@ pub(crate) fn is_spark(document: &Document) -> bool {
     document.field("SPARK_DSG_header").is_some() || document.field("layer_ids").is_some()
 }
 
-pub(crate) fn read(
+pub(crate) fn read_document(
     document: &Document,
     label_names: Option<&BTreeMap<u32, String>>,
     faults: &mut Faults,
@@ -68,5 +79,5 @@ pub(crate) fn read(
     if !is_spark(document) {
         return Err(LoadError::Schema { path: JsonPath("$".into()) });
     }
-    Import::new(document, label_names, faults).run()
+    read::Import::new(document, label_names, faults).run()
 }

@@ -12,6 +12,7 @@
 
 use thiserror::Error;
 
+use crate::areas::{AreaError, check_areas, check_least};
 use crate::grow::{UNLABELLED, components_at, grow};
 use crate::order::edges_wide_first;
 use crate::partition::{Partition, partition_from_labels};
@@ -54,26 +55,9 @@ pub enum HydraError {
         /// The value given.
         value: f64,
     },
-    /// `min_area` is negative or not finite.
-    #[error("min_area {value} is negative or not finite")]
-    MinArea {
-        /// The value given.
-        value: f64,
-    },
-    /// There is not exactly one area for each vertex.
-    #[error("{areas} areas for {vertices} vertices")]
-    AreaCount {
-        /// Number of areas.
-        areas: usize,
-        /// Number of vertices.
-        vertices: usize,
-    },
-    /// An area is negative or not finite.
-    #[error("the area of vertex {vertex} is negative or not finite")]
-    Area {
-        /// Index of the vertex.
-        vertex: usize,
-    },
+    /// The areas, or the smallest one asked for.
+    #[error(transparent)]
+    Areas(#[from] AreaError),
 }
 
 impl HydraConfig {
@@ -88,10 +72,7 @@ impl HydraConfig {
         if !(0.0..=1.0).contains(&self.min_ratio) {
             return Err(HydraError::MinRatio { value: self.min_ratio });
         }
-        if !self.min_area.is_finite() || self.min_area < 0.0 {
-            return Err(HydraError::MinArea { value: self.min_area });
-        }
-        Ok(())
+        Ok(check_least(self.min_area)?)
     }
 }
 
@@ -102,12 +83,7 @@ impl HydraConfig {
 /// [`HydraError`] if the configuration or the areas are not sound.
 pub fn hydra_partition(graph: &Graph, areas: &[f64], config: &HydraConfig) -> Result<Partition, HydraError> {
     config.validate()?;
-    if areas.len() != graph.len() {
-        return Err(HydraError::AreaCount { areas: areas.len(), vertices: graph.len() });
-    }
-    if let Some(vertex) = areas.iter().position(|area| !area.is_finite() || *area < 0.0) {
-        return Err(HydraError::Area { vertex });
-    }
+    check_areas(areas, graph.len())?;
     let bars = bars_of_large_components(graph, areas, config.min_area);
     let mut labels = vec![UNLABELLED; graph.len()];
     if let Some(threshold) = crowded_threshold(&bars, config) {
@@ -231,13 +207,16 @@ mod tests {
         assert_eq!(hydra_partition(&graph, &[1.0; 3], &config).expect("valid").part_of, [0, 0, 1]);
         let refused =
             |config: HydraConfig, areas: &[f64]| hydra_partition(&graph, areas, &config).expect_err("refused");
-        assert_eq!(refused(config, &[1.0]), HydraError::AreaCount { areas: 1, vertices: 3 });
-        assert_eq!(refused(config, &[1.0, -1.0, 1.0]), HydraError::Area { vertex: 1 });
+        assert_eq!(refused(config, &[1.0]), HydraError::from(AreaError::Count { areas: 1, vertices: 3 }));
+        assert_eq!(refused(config, &[1.0, -1.0, 1.0]), HydraError::Areas(AreaError::Value { vertex: 1 }));
         assert!(matches!(refused(HydraConfig { t_min: 2.0, ..config }, &[1.0; 3]), HydraError::Window { .. }));
         assert!(matches!(
             refused(HydraConfig { min_ratio: f64::NAN, ..config }, &[1.0; 3]),
             HydraError::MinRatio { .. }
         ));
-        assert!(matches!(refused(HydraConfig { min_area: -1.0, ..config }, &[1.0; 3]), HydraError::MinArea { .. }));
+        assert!(matches!(
+            refused(HydraConfig { min_area: -1.0, ..config }, &[1.0; 3]),
+            HydraError::Areas(AreaError::Least { .. })
+        ));
     }
 }

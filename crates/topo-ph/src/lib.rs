@@ -53,6 +53,7 @@
 //! - Chazal, Guibas, Oudot, Skraba, "Persistence-Based Clustering in Riemannian Manifolds", JACM 2013 (ToMATo).
 //! - Cohen-Steiner, Edelsbrunner, Harer, "Stability of Persistence Diagrams", DCG 2007.
 
+mod areas;
 pub mod assignment;
 pub mod barcode;
 pub mod betti;
@@ -72,6 +73,7 @@ pub mod plateau;
 pub mod simplify;
 mod union_find;
 
+pub use areas::AreaError;
 pub use assignment::assign;
 pub use barcode::{Bar, barcode, cycle_births, nonzero};
 pub use betti::{BettiCurve, Interval, betti_curve};

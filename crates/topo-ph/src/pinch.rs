@@ -13,6 +13,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use thiserror::Error;
 
 use crate::Graph;
+use crate::areas::{AreaError, check_areas, check_least};
 use crate::order::edges_wide_first;
 use crate::partition::{Partition, borders, partition_from_labels};
 use crate::union_find::UnionFind;
@@ -57,26 +58,9 @@ pub enum PinchError {
         /// The value given.
         value: f64,
     },
-    /// `min_area` is negative or not finite.
-    #[error("min_area {value} is negative or not finite")]
-    MinArea {
-        /// The value given.
-        value: f64,
-    },
-    /// There is not exactly one area for each vertex.
-    #[error("{areas} areas for {vertices} vertices")]
-    AreaCount {
-        /// Number of areas.
-        areas: usize,
-        /// Number of vertices.
-        vertices: usize,
-    },
-    /// An area is negative or not finite.
-    #[error("the area of vertex {vertex} is negative or not finite")]
-    Area {
-        /// Index of the vertex.
-        vertex: usize,
-    },
+    /// The areas, or the smallest one asked for.
+    #[error(transparent)]
+    Areas(#[from] AreaError),
 }
 
 impl PinchConfig {
@@ -94,10 +78,7 @@ impl PinchConfig {
         if !self.tau.is_finite() || self.tau < 0.0 {
             return Err(PinchError::Tau { value: self.tau });
         }
-        if !self.min_area.is_finite() || self.min_area < 0.0 {
-            return Err(PinchError::MinArea { value: self.min_area });
-        }
-        Ok(())
+        Ok(check_least(self.min_area)?)
     }
 }
 
@@ -119,13 +100,7 @@ pub fn pinch(graph: &Graph, areas: &[f64], config: &PinchConfig) -> Result<Parti
 /// The door of [`pinch`] and [`crate::pinch_from`].
 pub(crate) fn check(graph: &Graph, areas: &[f64], config: &PinchConfig) -> Result<(), PinchError> {
     config.validate()?;
-    if areas.len() != graph.len() {
-        return Err(PinchError::AreaCount { areas: areas.len(), vertices: graph.len() });
-    }
-    match areas.iter().position(|area| !area.is_finite() || *area < 0.0) {
-        Some(vertex) => Err(PinchError::Area { vertex }),
-        None => Ok(()),
-    }
+    Ok(check_areas(areas, graph.len())?)
 }
 
 /// One pass over the edges; the root of a region is its peak.
@@ -274,8 +249,11 @@ mod tests {
         let graph = Graph::new(vec![1.0, 2.0], vec![], None).expect("valid");
         let config = PinchConfig::default();
         assert_eq!(pinch(&graph, &[1.0, 1.0], &config).expect("valid").parts.len(), 2);
-        assert!(matches!(pinch(&graph, &[1.0], &config), Err(PinchError::AreaCount { .. })));
-        assert!(matches!(pinch(&graph, &[1.0, f64::NAN], &config), Err(PinchError::Area { vertex: 1 })));
+        assert!(matches!(pinch(&graph, &[1.0], &config), Err(PinchError::Areas(AreaError::Count { .. }))));
+        assert!(matches!(
+            pinch(&graph, &[1.0, f64::NAN], &config),
+            Err(PinchError::Areas(AreaError::Value { vertex: 1 }))
+        ));
         let bad = PinchConfig { rho: f64::NAN, ..config };
         assert!(matches!(pinch(&graph, &[1.0, 1.0], &bad), Err(PinchError::Rho { .. })));
         let bad = PinchConfig { sigma: 1.1, ..config };

@@ -1,62 +1,17 @@
-//! Who belongs to whom, one to one, so that the sum of all weights is as large as it can be (Kuhn 1955, in the form with
-//! potentials and shortest augmenting paths, after Jonker and Volgenant 1987).
+//! Who belongs to whom, one to one, so that the sum of all weights is as large as it can be.
+
+use mission::topo_ph;
 
 /// For each row of `weights` (all of one length, none negative) its column, or `None`. A pair of weight 0 is no pair.
 /// Cubic in the larger side.
 pub fn assign(weights: &[Vec<f64>]) -> Vec<Option<usize>> {
     let columns = weights.first().map_or(0, Vec::len);
     let size = weights.len().max(columns);
-    // Costs of a square matrix; what lies outside of the given one costs as much as a weight of 0.
-    let cost = |row: usize, column: usize| -weights.get(row).and_then(|row| row.get(column)).copied().unwrap_or(0.0);
-    // Row and column 0 are the outside; `row_of[column]` is who has it.
-    let (mut of_row, mut of_column) = (vec![0.0; size + 1], vec![0.0; size + 1]);
-    let (mut row_of, mut came_from) = (vec![0_usize; size + 1], vec![0_usize; size + 1]);
-    for row in 1..=size {
-        row_of[0] = row;
-        let mut column = 0;
-        let (mut least, mut is_done) = (vec![f64::INFINITY; size + 1], vec![false; size + 1]);
-        // The shortest path from the new row to a column that nobody has.
-        loop {
-            is_done[column] = true;
-            let (mut step, mut next) = (f64::INFINITY, 0);
-            for other in 1..=size {
-                if is_done[other] {
-                    continue;
-                }
-                let reduced = cost(row_of[column] - 1, other - 1) - of_row[row_of[column]] - of_column[other];
-                if reduced < least[other] {
-                    (least[other], came_from[other]) = (reduced, column);
-                }
-                if least[other] < step {
-                    (step, next) = (least[other], other);
-                }
-            }
-            for other in 0..=size {
-                if is_done[other] {
-                    of_row[row_of[other]] += step;
-                    of_column[other] -= step;
-                } else {
-                    least[other] -= step;
-                }
-            }
-            column = next;
-            if row_of[column] == 0 {
-                break;
-            }
-        }
-        while column != 0 {
-            row_of[column] = row_of[came_from[column]];
-            column = came_from[column];
-        }
-    }
-    let mut column_of = vec![None; weights.len()];
-    for column in 1..=columns {
-        let row = row_of[column] - 1;
-        if row < weights.len() && weights[row][column - 1] > 0.0 {
-            column_of[row] = Some(column - 1);
-        }
-    }
-    column_of
+    let weight = |row: usize, column: usize| weights.get(row).and_then(|row| row.get(column)).copied().unwrap_or(0.0);
+    // A square of costs; what lies outside of the given one costs as much as a weight of 0.
+    let cost: Vec<f64> = (0..size * size).map(|cell| -weight(cell / size, cell % size)).collect();
+    let column_of = topo_ph::assign(&cost, size);
+    (0..weights.len()).map(|row| Some(column_of[row]).filter(|column| weight(row, *column) > 0.0)).collect()
 }
 
 #[cfg(test)]

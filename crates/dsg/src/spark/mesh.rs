@@ -88,7 +88,7 @@ pub(crate) fn write(mesh: &Mesh, out: &mut impl Write) -> io::Result<()> {
     }
     let written = Written {
         // Without its own header their reader takes the mesh for an empty one.
-        header: crate::spark_attributes::empty_mesh()["header"].clone(),
+        header: crate::spark::attributes::empty_mesh()["header"].clone(),
         has_colors: !mesh.colors.is_empty(),
         has_timestamps: !mesh.stamps.is_empty(),
         has_labels: !mesh.labels.is_empty(),

@@ -11,10 +11,10 @@ use crate::group::Group;
 use crate::ids::{BuildingId, GroupId, ObjectId, PlaceId, RoomId};
 use crate::load::{Cursor, LoadError};
 use crate::object::Object;
-use crate::place::Place;
+use crate::place::{Place, PlaceEdge};
 use crate::presence::{self, Presence, TrackPoint};
 use crate::room::{Building, Room};
-use crate::spark_kept::OURS;
+use crate::spark::kept::OURS;
 
 /// The label that says "none".
 pub(crate) const NO_LABEL: u32 = u32::MAX;
@@ -278,6 +278,19 @@ pub(crate) fn pose_attributes(pose: &AgentPose, spark_id: u64) -> Map<String, Va
         "dbow_ids": null,
         "dbow_values": null,
     }))
+}
+
+/// What an edge without attributes of its own says.
+pub(crate) fn plain_info() -> Map<String, Value> {
+    Map::from_iter([("type".to_owned(), json!("EdgeAttributes"))])
+}
+
+/// What we write on an edge between places.
+pub(crate) fn place_edge_info(edge: &PlaceEdge) -> Map<String, Value> {
+    let mut info = plain_info();
+    info.insert("weighted".into(), Value::Bool(true));
+    info.insert("weight".into(), json!(edge.clearance_m));
+    info
 }
 
 /// The axis-aligned box around theirs. 1.0.0 stores corners, later versions side lengths.

@@ -7,10 +7,36 @@
 
 use serde_json::{Map, Value, json};
 
+use crate::graph::SceneGraph;
+
 /// The field of a record (and of the document) under which theirs is kept.
 pub(crate) const KEPT: &str = "spark_dsg";
 /// The key of their open metadata under which ours travels.
 pub(crate) const OURS: &str = "omni_dsg";
+
+/// What was kept of a record of theirs.
+pub(crate) fn kept<'g>(graph: &'g SceneGraph, list: &str, id: &impl std::fmt::Display) -> Option<&'g Value> {
+    graph.unknown_fields.get(&format!("{list}/{id}"))?.get(KEPT)
+}
+
+/// What was kept of a document of theirs.
+pub(crate) fn kept_of_document<'g>(graph: &'g SceneGraph, name: &str) -> Option<&'g Value> {
+    graph.unknown_fields.get("")?.get(KEPT)?.get(name)
+}
+
+/// Keeps a value of theirs beside the lists.
+pub(crate) fn keep_in_document(graph: &mut SceneGraph, name: &str, value: Value) {
+    put_kept(graph.unknown_fields.entry(String::new()).or_default(), name, value);
+}
+
+/// Keeps a value of theirs in a record.
+pub(crate) fn put_kept(record: &mut Map<String, Value>, name: &str, value: Value) {
+    let kept = record.entry(KEPT).or_insert_with(|| json!({}));
+    if !kept.is_object() {
+        *kept = json!({});
+    }
+    kept[name] = value;
+}
 
 /// The fields of `theirs` that `ours` would not bring back, as `{"attributes": .., "instead_of": ..}`; `None` if there are none.
 pub(crate) fn keep(theirs: &Map<String, Value>, ours: &Map<String, Value>) -> Option<Map<String, Value>> {
