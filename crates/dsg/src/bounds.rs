@@ -1,6 +1,6 @@
 //! Axis-aligned boxes in the world frame: the size of things, and the distances between them.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
 /// A closed axis-aligned box in the world frame, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +90,7 @@ impl Aabb {
     /// Gap between the footprints on the floor (x and y only); zero if they overlap.
     pub fn horizontal_gap_m(&self, other: &Aabb) -> f64 {
         let gap = |k: usize| (self.min[k] - other.max[k]).max(other.min[k] - self.max[k]).max(0.0);
-        gap(0).hypot(gap(1))
+        Vector2::new(gap(0), gap(1)).norm()
     }
 
     /// Share of the smaller footprint (x and y) that lies over the other, in `[0, 1]`. Sides below one centimetre count

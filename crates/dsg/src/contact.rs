@@ -49,7 +49,7 @@ pub(crate) fn contact(subject: &Object, object: &Object, config: &RelationConfig
         return Some(RelationKind::On);
     }
     let is_within = o.inflated(0.05).contains(&s.min) && o.inflated(0.05).contains(&s.max);
-    let is_open = OPEN.iter().any(|open| object.label == *open || object.label.ends_with(&format!(" {open}")));
+    let is_open = object.label.rsplit(' ').next().is_some_and(|last| OPEN.contains(&last));
     if is_open {
         // Chairs and sofas have backs, desks have screens: what rests on them lies within their box, above the middle.
         // What stands on the same floor beneath them lies within it too, below the top.

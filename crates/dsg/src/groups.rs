@@ -16,7 +16,7 @@ use crate::group::Group;
 use crate::ids::{GroupId, ObjectId};
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
-use crate::relation::{RelationKind, Verdict};
+use crate::relation::RelationKind;
 
 /// What makes a group.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,6 +97,8 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
     for object in &objects {
         of_label.entry(&object.label).or_insert_with(|| shares(&object.label));
     }
+    let shares_of: Vec<&Shares> = objects.iter().map(|object| &of_label[&*object.label]).collect();
+    let carried = carried(graph);
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     let mut order: Vec<usize> = (0..objects.len()).collect();
     // Room by room, and there along x.
@@ -106,8 +108,11 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
         let reach = objects[i].bounds.max.x + config.reach_m;
         let is_near = |j: usize| objects[j].room == objects[i].room && objects[j].bounds.min.x <= reach;
         for &j in order[at + 1..].iter().take_while(|&&j| is_near(j)) {
-            let co_occurrence = || together(&of_label[&*objects[i].label], &of_label[&*objects[j].label]);
-            let affinity = affinity(graph, objects[i], objects[j], co_occurrence, config);
+            let together = |a: &Object, b: &Object| match carried.contains(&(a.id.min(b.id), a.id.max(b.id))) {
+                true => 1.0,
+                false => together(shares_of[i], shares_of[j]),
+            };
+            let affinity = affinity(objects[i], objects[j], together, config);
             if affinity > config.min_affinity {
                 pairs.push((affinity, i.min(j), i.max(j)));
             }
@@ -146,20 +151,20 @@ fn is_row(a: &Object, b: &Object) -> bool {
     is_row_unit(&a.label) && is_row_unit(&b.label) && a.bounds.gap_m(&b.bounds) <= TOUCHING_M
 }
 
-fn affinity(graph: &SceneGraph, a: &Object, b: &Object, co_occurrence: impl Fn() -> f64, config: &GroupConfig) -> f64 {
-    if a.room != b.room {
-        return 0.0;
-    }
+/// Pairs of which one stands on or in the other, smaller id first.
+fn carried(graph: &SceneGraph) -> BTreeSet<(ObjectId, ObjectId)> {
+    let carries = |kind| matches!(kind, RelationKind::On | RelationKind::Inside);
+    let holding = graph.relations().filter(|relation| carries(relation.kind));
+    holding.map(|relation| (relation.subject.min(relation.object), relation.subject.max(relation.object))).collect()
+}
+
+/// The affinity of two things of one room, of which `together` says how well they go together.
+fn affinity(a: &Object, b: &Object, together: impl Fn(&Object, &Object) -> f64, config: &GroupConfig) -> f64 {
     let gap_m = a.bounds.gap_m(&b.bounds);
     if gap_m > config.reach_m {
         return 0.0;
     }
-    let carries = |kind| {
-        let holds = |key| graph.relations.get(&key).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
-        holds((a.id, kind, b.id, None)) || holds((b.id, kind, a.id, None))
-    };
-    let is_carried = carries(RelationKind::On) || carries(RelationKind::Inside);
-    let together = if is_carried { 1.0 } else { co_occurrence() };
+    let together = together(a, b);
     let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
     if together == 0.0 { 0.0 } else { (-gap_m / config.decay_m).exp() * together + stays }
 }
@@ -167,10 +172,15 @@ fn affinity(graph: &SceneGraph, a: &Object, b: &Object, co_occurrence: impl Fn()
 /// The old group with the largest Jaccard overlap above 0.3, otherwise a new id.
 fn identify(graph: &SceneGraph, clusters: &[BTreeSet<ObjectId>]) -> Vec<GroupId> {
     let mut overlaps: Vec<(f64, GroupId, usize)> = Vec::new();
+    let cluster_of: BTreeMap<ObjectId, usize> =
+        clusters.iter().enumerate().flat_map(|(at, members)| members.iter().map(move |member| (*member, at))).collect();
     for group in graph.groups() {
-        for (at, members) in clusters.iter().enumerate() {
-            let common = group.members.iter().filter(|member| members.contains(member)).count() as f64;
-            let jaccard = common / (group.members.len() as f64 + members.len() as f64 - common);
+        let mut common_with: BTreeMap<usize, f64> = BTreeMap::new();
+        for at in group.members.iter().filter_map(|member| cluster_of.get(member)) {
+            *common_with.entry(*at).or_default() += 1.0;
+        }
+        for (at, common) in common_with {
+            let jaccard = common / (group.members.len() as f64 + clusters[at].len() as f64 - common);
             if jaccard > 0.3 {
                 overlaps.push((jaccard, group.id, at));
             }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2};
 
 use crate::contact::{contact, is_above};
 use crate::graph::SceneGraph;
-use crate::ids::ObjectId;
+use crate::ids::{ObjectId, RoomId};
 use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::relation::{Evidence, EvidenceSource, Relation, RelationKey, RelationKind, Verdict};
@@ -101,47 +101,64 @@ pub fn update_relations(
 ) -> Result<RelationReport, OpError> {
     config.validate()?;
     let mut report = RelationReport::default();
-    let mut found: Vec<(RelationKey, Relation)> = Vec::new();
+    let mut found = Vec::new();
     let carrier_of = supports(graph, config);
     for (a, b) in neighbours(graph, config) {
-        for candidate in candidates(graph, a, b, &carrier_of, config) {
-            let ends = if candidate.subject == a.id { (a, b) } else { (b, a) };
-            let relation = judge(graph, candidate, ends, line_of_sight, verify, config, &mut report);
-            found.push((relation.key(), relation));
-        }
+        candidates(graph, a, b, &carrier_of, config, &mut found);
     }
-    let mut relations: BTreeMap<RelationKey, Relation> = found.into_iter().collect();
-    keep_nearest(&mut relations, config.max_near);
-    for relation in between(graph, &relations, config) {
-        if let (Some(a), Some(b)) = (graph.object(relation.subject), graph.object(relation.object)) {
-            let relation = ask(graph, relation, (a, b), verify, config, &mut report);
-            relations.insert(relation.key(), relation);
-        }
+    found.sort_unstable_by_key(|candidate| candidate.relation.key());
+    let mut known = graph.relations.iter().peekable();
+    for candidate in &mut found {
+        let key = candidate.relation.key();
+        while known.next_if(|(old, _)| **old < key).is_some() {}
+        let known = known.peek().filter(|(old, _)| **old == key).map(|(_, relation)| relation.evidence);
+        judge(graph, candidate, known, line_of_sight, verify, config, &mut report);
     }
-    for relation in relations.values() {
-        match relation.evidence.verdict {
+    keep_nearest(&mut found, config.max_near);
+    for mut candidate in between(&found, config) {
+        let known = graph.relations.get(&candidate.relation.key()).map(|known| known.evidence);
+        ask(&mut candidate, known, verify, config, &mut report);
+        found.push(candidate);
+    }
+    found.sort_unstable_by_key(|candidate| candidate.relation.key());
+    for candidate in &found {
+        match candidate.relation.evidence.verdict {
             Verdict::Holds => report.holding += 1,
             Verdict::Blocked(_) => report.blocked += 1,
             Verdict::Rejected => report.rejected += 1,
         }
     }
 
-    let ops = news(&graph.relations, &relations);
+    let ops = news(&graph.relations, found.iter().map(|candidate| &candidate.relation));
     report.revision = graph.apply(Op::Batch(ops))?.revision;
     Ok(report)
 }
 
+/// A relation that may hold, with its two ends at hand.
+struct Candidate<'a> {
+    relation: Relation,
+    subject: &'a Object,
+    object: &'a Object,
+}
+
+impl Candidate<'_> {
+    fn is_near(&self) -> bool {
+        self.relation.kind == RelationKind::Near && self.relation.evidence.verdict == Verdict::Holds
+    }
+}
+
 /// The difference to what is known; what was stated stays. Both are in order, so one walk along both does it.
-fn news(known: &BTreeMap<RelationKey, Relation>, now: &BTreeMap<RelationKey, Relation>) -> Vec<Op> {
+fn news<'a>(known: &BTreeMap<RelationKey, Relation>, now: impl Iterator<Item = &'a Relation>) -> Vec<Op> {
     let is_stated = |relation: &Relation| relation.evidence.source == EvidenceSource::Stated;
     let gone = |(key, old): (&RelationKey, &Relation)| (!is_stated(old)).then_some(Op::RemoveRelation(*key));
     let mut ops = Vec::new();
     let mut known = known.iter().peekable();
-    for (key, relation) in now {
-        while let Some(old) = known.next_if(|(old, _)| *old < key) {
+    for relation in now {
+        let key = relation.key();
+        while let Some(old) = known.next_if(|(old, _)| **old < key) {
             ops.extend(gone(old));
         }
-        let same = known.next_if(|(old, _)| *old == key);
+        let same = known.next_if(|(old, _)| **old == key);
         if same.is_none_or(|(_, old)| !is_stated(old) && old != relation) {
             ops.push(Op::PutRelation(*relation));
         }
@@ -150,16 +167,21 @@ fn news(known: &BTreeMap<RelationKey, Relation>, now: &BTreeMap<RelationKey, Rel
     ops
 }
 
-/// Pairs of confirmed objects close enough for any relation, smaller id first, by a sweep along x.
+/// Pairs of confirmed objects of one storey close enough for any relation, smaller id first, by a sweep along x.
 fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Object, &'a Object)> {
     let reach_m = config.near_m + NEAR_HYSTERESIS_M;
+    let storey_of: BTreeMap<RoomId, i32> = graph.rooms().map(|room| (room.id, room.floor)).collect();
+    let storey = |object: &Object| object.room.and_then(|room| storey_of.get(&room).copied());
     // Who walks about is near everything once.
-    let mut sorted: Vec<&Object> = graph.confirmed_objects().filter(|object| !object.is_dynamic()).collect();
-    sorted.sort_by(|a, b| a.bounds.min.x.total_cmp(&b.bounds.min.x).then(a.id.cmp(&b.id)));
+    let unmoving = graph.confirmed_objects().filter(|object| !object.is_dynamic());
+    let mut sorted: Vec<(Option<i32>, &Object)> = unmoving.map(|object| (storey(object), object)).collect();
+    sorted.sort_by(|(_, a), (_, b)| a.bounds.min.x.total_cmp(&b.bounds.min.x).then(a.id.cmp(&b.id)));
     let mut pairs = Vec::new();
-    for (at, a) in sorted.iter().enumerate() {
-        for b in sorted[at + 1..].iter().take_while(|b| b.bounds.min.x <= a.bounds.max.x + reach_m) {
-            if a.bounds.horizontal_gap_m(&b.bounds) <= reach_m {
+    for (at, (storey_a, a)) in sorted.iter().enumerate() {
+        for (storey_b, b) in sorted[at + 1..].iter().take_while(|(_, b)| b.bounds.min.x <= a.bounds.max.x + reach_m) {
+            // A lamp hangs under a ceiling, not under the rug above it.
+            let are_apart = matches!((storey_a, storey_b), (Some(a), Some(b)) if a != b);
+            if !are_apart && a.bounds.horizontal_gap_m(&b.bounds) <= reach_m {
                 pairs.push(if a.id < b.id { (*a, *b) } else { (*b, *a) });
             }
         }
@@ -171,60 +193,47 @@ fn neighbours<'a>(graph: &'a SceneGraph, config: &RelationConfig) -> Vec<(&'a Ob
 const NEAR_HYSTERESIS_M: f64 = 0.1;
 
 /// What the boxes of a pair suggest: one contact or vertical relation in either direction, otherwise near.
-fn candidates(
+fn candidates<'a>(
     graph: &SceneGraph,
-    a: &Object,
-    b: &Object,
+    a: &'a Object,
+    b: &'a Object,
     carrier_of: &BTreeMap<ObjectId, ObjectId>,
     config: &RelationConfig,
-) -> Vec<Relation> {
+    found: &mut Vec<Candidate<'a>>,
+) {
     let gap_m = a.bounds.gap_m(&b.bounds);
-    if are_on_two_floors(graph, a, b) {
-        return Vec::new();
-    }
-    let relation = |subject: &Object, kind, object: &Object| Relation {
-        subject: subject.id,
-        kind,
-        object: object.id,
-        other: None,
-        evidence: Evidence {
-            verdict: Verdict::Holds,
-            source: EvidenceSource::Geometry,
-            distance_m: rounded(gap_m),
-            score: 1.0,
-        },
+    let evidence =
+        Evidence { verdict: Verdict::Holds, source: EvidenceSource::Geometry, distance_m: rounded(gap_m), score: 1.0 };
+    let candidate = |subject: &'a Object, kind, object: &'a Object| Candidate {
+        relation: Relation { subject: subject.id, kind, object: object.id, other: None, evidence },
+        subject,
+        object,
     };
     let are_in_two_rooms = matches!((a.room, b.room), (Some(a), Some(b)) if a != b);
-    for (subject, object) in [(a, b), (b, a)].into_iter().filter(|_| !are_in_two_rooms) {
+    let directions = if are_in_two_rooms { &[][..] } else { &[(a, b), (b, a)] };
+    for &(subject, object) in directions {
         if let Some(kind) = contact(subject, object, config) {
-            return vec![relation(subject, kind, object)];
+            return found.push(candidate(subject, kind, object));
         }
         if carrier_of.get(&subject.id) == Some(&object.id) {
-            return vec![relation(subject, RelationKind::On, object)];
+            return found.push(candidate(subject, RelationKind::On, object));
         }
     }
-    let mut found = Vec::new();
-    for (subject, object) in [(a, b), (b, a)].into_iter().filter(|_| !are_in_two_rooms) {
+    for &(subject, object) in directions {
         // What is carried begins at the top that carries it.
         let carrier = carrier_of.get(&subject.id).and_then(|carrier| graph.object(*carrier));
         let bottom_m = carrier.map_or(subject.bounds.min.z, |o| o.bounds.max.z.min(subject.bounds.min.z));
         if is_above(subject, bottom_m, object, config) {
-            found.push(relation(subject, RelationKind::Above, object));
-            found.push(relation(object, RelationKind::Under, subject));
+            found.push(candidate(subject, RelationKind::Above, object));
+            found.push(candidate(object, RelationKind::Under, subject));
         }
     }
-    let near = relation(a, RelationKind::Near, b);
-    let is_known = || graph.relations.get(&near.key()).is_some_and(|known| known.evidence.verdict == Verdict::Holds);
+    let near = candidate(a, RelationKind::Near, b);
+    let known = || graph.relations.get(&near.relation.key());
+    let is_known = || known().is_some_and(|known| known.evidence.verdict == Verdict::Holds);
     if gap_m <= config.near_m || (gap_m <= config.near_m + NEAR_HYSTERESIS_M && is_known()) {
         found.push(near);
     }
-    found
-}
-
-/// A lamp hangs under a ceiling, not under the rug above it.
-fn are_on_two_floors(graph: &SceneGraph, a: &Object, b: &Object) -> bool {
-    let floor = |object: &Object| object.room.and_then(|room| graph.room(room)).map(|room| room.floor);
-    matches!((floor(a), floor(b)), (Some(a), Some(b)) if a != b)
 }
 
 /// Gaps are stored to the decimetre: boxes breathe by centimetres with every frame, and that is no news.
@@ -235,117 +244,107 @@ fn rounded(gap_m: f64) -> f64 {
 /// Eq. 6, then Eq. 7.
 fn judge(
     graph: &SceneGraph,
-    mut relation: Relation,
-    (a, b): (&Object, &Object),
+    candidate: &mut Candidate,
+    known: Option<Evidence>,
     line_of_sight: SightLine,
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
     report: &mut RelationReport,
-) -> Relation {
-    if relation.kind == RelationKind::Near
+) {
+    let (a, b) = (candidate.subject, candidate.object);
+    if candidate.relation.kind == RelationKind::Near
         && let Some(at) = parting_wall(graph, a, b).or_else(|| blocking_point(a, b, line_of_sight, config))
     {
-        relation.evidence.verdict = Verdict::Blocked(at);
-        return relation;
+        candidate.relation.evidence.verdict = Verdict::Blocked(at);
+    } else {
+        ask(candidate, known, verify, config, report);
     }
-    ask(graph, relation, (a, b), verify, config, report)
 }
 
 /// OmniVLN Eq. 7: short relations are shown to the verifier, once.
 fn ask(
-    graph: &SceneGraph,
-    mut relation: Relation,
-    (a, b): (&Object, &Object),
+    candidate: &mut Candidate,
+    known: Option<Evidence>,
     verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
     report: &mut RelationReport,
-) -> Relation {
-    if relation.evidence.distance_m >= config.verify_within_m {
-        return relation;
+) {
+    let Candidate { relation, subject, object } = candidate;
+    let evidence = &mut relation.evidence;
+    if evidence.distance_m >= config.verify_within_m {
+        return;
     }
-    let known = graph.relations.get(&relation.key()).map(|known| known.evidence);
-    relation.evidence.source = EvidenceSource::Verifier;
-    relation.evidence.score = match known {
+    evidence.source = EvidenceSource::Verifier;
+    evidence.score = match known {
         Some(known) if known.source == EvidenceSource::Verifier => known.score,
         _ => {
             report.asked += 1;
-            let score = verify(a, b, relation.kind);
+            let score = verify(subject, object, relation.kind);
             if score.is_finite() { score.clamp(0.0, 1.0) } else { 0.0 }
         }
     };
-    if relation.evidence.score <= config.verify_threshold {
-        relation.evidence.verdict = Verdict::Rejected;
+    if evidence.score <= config.verify_threshold {
+        evidence.verdict = Verdict::Rejected;
     }
-    relation
 }
 
 /// Keeps a near relation if it is among the nearest of either end; what was dropped takes nobody's place.
-fn keep_nearest(relations: &mut BTreeMap<RelationKey, Relation>, max_near: usize) {
-    let mut of: BTreeMap<ObjectId, Vec<(f64, RelationKey)>> = BTreeMap::new();
-    let is_near = |key: &RelationKey, relation: &Relation| {
-        key.1 == RelationKind::Near && relation.evidence.verdict == Verdict::Holds
-    };
-    for (key, relation) in relations.iter().filter(|(key, relation)| is_near(key, relation)) {
-        for id in [key.0, key.2] {
-            of.entry(id).or_default().push((relation.evidence.distance_m, *key));
-        }
+fn keep_nearest(candidates: &mut Vec<Candidate>, max_near: usize) {
+    let near = candidates.iter().enumerate().filter(|(_, candidate)| candidate.is_near());
+    let mut ends: Vec<(ObjectId, f64, usize)> = near
+        .flat_map(|(at, Candidate { relation, .. })| {
+            [relation.subject, relation.object].map(|id| (id, relation.evidence.distance_m, at))
+        })
+        .collect();
+    ends.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let mut is_kept: Vec<bool> = candidates.iter().map(|candidate| !candidate.is_near()).collect();
+    for of_one in ends.chunk_by(|a, b| a.0 == b.0) {
+        of_one.iter().take(max_near).for_each(|(_, _, at)| is_kept[*at] = true);
     }
-    let mut kept = std::collections::BTreeSet::new();
-    for list in of.values_mut() {
-        list.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        kept.extend(list.iter().take(max_near).map(|(_, key)| *key));
-    }
-    relations.retain(|key, relation| !is_near(key, relation) || kept.contains(key));
+    let mut kept = is_kept.into_iter();
+    candidates.retain(|_| kept.next() == Some(true));
 }
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
 /// subject, the closest.
-fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, config: &RelationConfig) -> Vec<Relation> {
+fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Candidate<'a>> {
     const COS_150_DEG: f64 = -0.866;
     const HEIGHT_M: f64 = 0.6;
-    let mut near: BTreeMap<ObjectId, Vec<ObjectId>> = BTreeMap::new();
-    for (key, relation) in relations {
-        if key.1 == RelationKind::Near && relation.evidence.verdict == Verdict::Holds {
-            near.entry(key.0).or_default().push(key.2);
-            near.entry(key.2).or_default().push(key.0);
-        }
-    }
+    const HERE_M: f64 = 0.05;
+    let near = candidates.iter().filter(|candidate| candidate.is_near());
+    let mut ends: Vec<(&Object, &Object)> =
+        near.flat_map(|near| [(near.subject, near.object), (near.object, near.subject)]).collect();
+    ends.sort_unstable_by_key(|(subject, other)| (subject.id, other.id));
     let mut found = Vec::new();
-    for (id, others) in &mut near {
-        others.sort_unstable();
-        let Some(subject) = graph.object(*id) else {
-            continue;
-        };
-        let flat = |to: &Object| {
-            let v = to.centroid - subject.centroid;
-            Vector3::new(v.x, v.y, 0.0)
-        };
-        let ends: Vec<&Object> = others
-            .iter()
-            .filter_map(|other| graph.object(*other))
-            .filter(|other| (other.centroid.z - subject.centroid.z).abs() <= HEIGHT_M)
-            .collect();
-        let mut of_subject = Vec::new();
-        for (at, a) in ends.iter().enumerate() {
-            for b in &ends[at + 1..] {
-                let (to_a, to_b) = (flat(a), flat(b));
-                let span_m = to_a.norm() + to_b.norm();
-                let is_opposite = to_a.dot(&to_b) <= COS_150_DEG * to_a.norm() * to_b.norm();
-                if is_opposite && to_a.norm() > 0.05 && to_b.norm() > 0.05 && span_m <= config.between_m {
+    let mut around: Vec<(&Object, Vector2<f64>, f64)> = Vec::new();
+    let mut of_subject: Vec<(f64, Candidate)> = Vec::new();
+    for of_one in ends.chunk_by(|a, b| a.0.id == b.0.id) {
+        let subject = of_one[0].0;
+        around.clear();
+        around.extend(of_one.iter().filter_map(|(_, other)| {
+            let to = other.centroid - subject.centroid;
+            let distance_m = to.xy().norm();
+            (to.z.abs() <= HEIGHT_M && distance_m > HERE_M).then_some((*other, to.xy(), distance_m))
+        }));
+        for (at, (a, to_a, distance_a)) in around.iter().enumerate() {
+            for (b, to_b, distance_b) in &around[at + 1..] {
+                let span_m = distance_a + distance_b;
+                let is_opposite = to_a.dot(to_b) <= COS_150_DEG * distance_a * distance_b;
+                if is_opposite && span_m <= config.between_m {
                     let evidence = Evidence {
                         verdict: Verdict::Holds,
                         source: EvidenceSource::Geometry,
                         distance_m: rounded(a.bounds.gap_m(&subject.bounds).max(b.bounds.gap_m(&subject.bounds))),
                         score: 1.0,
                     };
-                    let kind = RelationKind::Between;
-                    let relation = Relation { subject: *id, kind, object: a.id, other: Some(b.id), evidence };
-                    of_subject.push((span_m, relation));
+                    let (kind, other) = (RelationKind::Between, Some(b.id));
+                    let relation = Relation { subject: subject.id, kind, object: a.id, other, evidence };
+                    of_subject.push((span_m, Candidate { relation, subject, object: a }));
                 }
             }
         }
-        of_subject.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.key().cmp(&b.1.key())));
-        found.extend(of_subject.into_iter().take(2).map(|(_, relation)| relation));
+        of_subject.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.relation.key().cmp(&b.1.relation.key())));
+        found.extend(of_subject.drain(..).take(2).map(|(_, candidate)| candidate));
     }
     found
 }
@@ -354,6 +353,7 @@ fn between(graph: &SceneGraph, relations: &BTreeMap<RelationKey, Relation>, conf
 mod tests {
     use super::*;
     use crate::bounds::Aabb;
+    use nalgebra::Vector3;
 
     fn scene(things: &[(&str, [f64; 3], [f64; 3])]) -> SceneGraph {
         let mut graph = SceneGraph::new();
