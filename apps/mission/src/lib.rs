@@ -33,6 +33,7 @@ pub mod navigation;
 pub mod odometer;
 pub mod odometry_run;
 pub mod openai;
+pub mod overhead;
 pub mod perspective_crop;
 pub mod posed_scans;
 pub mod reach;

@@ -3,10 +3,18 @@
 //! The slice lies between table tops and door lintels, so walls remain and most furniture is gone; what stands alone in
 //! it is filled (notes on rooms: furniture is filled first). Each free pixel becomes a vertex whose value is its
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
+//!
+//! A map with three dimensions knows more than a floor plan: what ends below the lintels is furniture however large, what goes
+//! on above them is a wall however short, and a gap with something over it is a doorway ([`Overhead`]).
 
 use nalgebra::{Point2, Point3};
 use topo_ph::{HysteresisConfig, HysteresisError, NO_PART, PinchConfig, grid_graph, pinch, pinch_from};
 use volumetric_map::{OccupancyGrid, clearance, fill_islands};
+
+use crate::overhead::Overhead;
+
+/// The clearance under a lintel counts for so much.
+const UNDER_LINTEL: f32 = 0.1;
 
 /// How rooms are cut out of the slice.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,11 +31,21 @@ pub struct RoomConfig {
     pub tau_m: f64,
     /// Smallest room, default 1.5 m².
     pub min_area_m2: f64,
+    /// A gap under a lintel is a doorway up to this width, default 2.0 m: wider ones lie under beams.
+    pub max_doorway_m: f64,
 }
 
 impl Default for RoomConfig {
     fn default() -> Self {
-        Self { island_area_m2: 1.0, island_side_m: 1.2, rho: 0.88, sigma: 0.75, tau_m: 0.07, min_area_m2: 1.5 }
+        Self {
+            island_area_m2: 1.0,
+            island_side_m: 1.2,
+            rho: 0.88,
+            sigma: 0.75,
+            tau_m: 0.07,
+            min_area_m2: 1.5,
+            max_doorway_m: 2.0,
+        }
     }
 }
 
@@ -64,12 +82,17 @@ pub struct Doorway {
 }
 
 impl RoomMap {
-    /// Cuts `slice` into rooms. An empty slice has none.
+    /// Cuts `slice` into rooms. An empty slice has none. `above` is the slice of the same map over the lintels, where there is
+    /// one; the parts of it that lie elsewhere are ignored.
     ///
     /// # Errors
     /// [`HysteresisError`] if the configuration makes no sense.
-    pub fn new(slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, HysteresisError> {
-        RoomMap::cut(slice, config, None)
+    pub fn new(
+        slice: &OccupancyGrid,
+        above: Option<&OccupancyGrid>,
+        config: &RoomConfig,
+    ) -> Result<RoomMap, HysteresisError> {
+        RoomMap::cut(slice, above, config, None)
     }
 
     /// Cuts `slice` into rooms where `self` were the rooms a moment ago: a border stays until the way is clearly wider than a
@@ -77,17 +100,38 @@ impl RoomMap {
     ///
     /// # Errors
     /// As [`RoomMap::new`].
-    pub fn next(&self, slice: &OccupancyGrid, config: &RoomConfig) -> Result<RoomMap, HysteresisError> {
-        RoomMap::cut(slice, config, Some(self))
+    pub fn next(
+        &self,
+        slice: &OccupancyGrid,
+        above: Option<&OccupancyGrid>,
+        config: &RoomConfig,
+    ) -> Result<RoomMap, HysteresisError> {
+        RoomMap::cut(slice, above, config, Some(self))
     }
 
-    fn cut(slice: &OccupancyGrid, config: &RoomConfig, before: Option<&RoomMap>) -> Result<RoomMap, HysteresisError> {
-        // 1. Furniture that stands alone is filled.
-        let grid = fill_islands(slice, config.island_area_m2, config.island_side_m);
-        // 2. Clearance of every free cell; what nobody saw counts as a wall.
+    fn cut(
+        slice: &OccupancyGrid,
+        above: Option<&OccupancyGrid>,
+        config: &RoomConfig,
+        before: Option<&RoomMap>,
+    ) -> Result<RoomMap, HysteresisError> {
+        // 1. Furniture is filled: what ends below the lintels, and what stands alone.
+        let overhead = above.map(|above| Overhead::new(above, slice));
+        let walls = overhead.as_ref().map_or_else(|| slice.clone(), |overhead| overhead.without_furniture(slice));
+        let is_wall = |island: &[usize]| overhead.as_ref().is_some_and(|overhead| overhead.are_wall(island));
+        let grid = fill_islands(&walls, config.island_area_m2, config.island_side_m, is_wall);
+        // 2. Clearance of every free cell; what nobody saw counts as a wall. A doorway is a deep valley: what is under a lintel
+        //    keeps its order and loses its height.
         let clearance_m = clearance(&grid, true);
+        let mut height = clearance_m.clone();
+        if let Some(overhead) = &overhead {
+            let is_doorway = |cell: usize| {
+                2.0 * f64::from(clearance_m[cell]) <= config.max_doorway_m && overhead.is_under_lintel(cell)
+            };
+            (0..height.len()).filter(|cell| is_doorway(*cell)).for_each(|cell| height[cell] *= UNDER_LINTEL);
+        }
         // 3. The graph of free cells, eight neighbours each.
-        let (graph, cell_of_vertex) = grid_graph(&clearance_m, grid.width);
+        let (graph, cell_of_vertex) = grid_graph(&height, grid.width);
         // 4. The partition.
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];
@@ -124,10 +168,11 @@ impl RoomMap {
             .iter()
             .filter_map(|border| {
                 let (u, v) = graph.edges()[border.edge as usize];
+                let clearance_m = |vertex: u32| f64::from(clearance_m[cell_of_vertex[vertex as usize] as usize]);
                 Some(Doorway {
                     between: (room_of_part[border.a as usize]? as usize, room_of_part[border.b as usize]? as usize),
                     at: nalgebra::center(&center_of(u), &center_of(v)),
-                    width_m: 2.0 * border.saddle,
+                    width_m: 2.0 * clearance_m(u).min(clearance_m(v)),
                 })
             })
             .collect();
@@ -201,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_door_separates_two_rooms() {
-        let map = RoomMap::new(&two_rooms(), &RoomConfig::default()).unwrap();
+        let map = RoomMap::new(&two_rooms(), None, &RoomConfig::default()).unwrap();
         assert_eq!(map.rooms.len(), 2);
         let left = map.room_at(&Point3::new(0.0, 4.0, 1.0)).unwrap();
         let right = map.room_at(&Point3::new(5.0, 4.0, 1.0)).unwrap();
@@ -228,21 +273,77 @@ mod tests {
             OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells }
         };
         let config = RoomConfig::default();
-        let plain = |cells| RoomMap::new(&opening(cells), &config).unwrap().rooms.len();
+        let plain = |cells| RoomMap::new(&opening(cells), None, &config).unwrap().rooms.len();
         let last_door = (100..160).take_while(|cells| plain(*cells) == 2).last().unwrap();
         assert!(plain(last_door + 1) == 1, "the rule changes its mind at {last_door}");
-        let two = RoomMap::new(&opening(last_door), &config).unwrap();
-        assert_eq!(two.next(&opening(last_door + 1), &config).unwrap().rooms.len(), 2, "a known border stays");
-        let one = RoomMap::new(&opening(last_door + 1), &config).unwrap();
-        assert_eq!(one.next(&opening(last_door + 1), &config).unwrap().rooms.len(), 1, "an unknown one does not come");
-        assert_eq!(two.next(&opening(158), &config).unwrap().rooms.len(), 1, "what is no door any more goes");
+        let two = RoomMap::new(&opening(last_door), None, &config).unwrap();
+        assert_eq!(two.next(&opening(last_door + 1), None, &config).unwrap().rooms.len(), 2, "a known border stays");
+        let one = RoomMap::new(&opening(last_door + 1), None, &config).unwrap();
+        assert_eq!(
+            one.next(&opening(last_door + 1), None, &config).unwrap().rooms.len(),
+            1,
+            "an unknown one does not come"
+        );
+        assert_eq!(two.next(&opening(158), None, &config).unwrap().rooms.len(), 1, "what is no door any more goes");
+    }
+
+    /// A hall of 8 m x 2 m and two rooms of 4 m x 4 m above it, cells of 10 cm, walls of one cell. Three doors of 1 m meet at a
+    /// piece of wall that stands alone. `is_open` says which gaps a slice has.
+    fn three_doors(is_open: impl Fn(usize, usize) -> bool) -> OccupancyGrid {
+        let (width, height, resolution_m) = (83, 63, 0.1);
+        let cell = |(ix, iy): (usize, usize)| {
+            let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
+            let is_wall = iy == 21 || (ix == 41 && iy > 21);
+            if is_border || (is_wall && !is_open(ix, iy)) { Cell::Occupied } else { Cell::Free }
+        };
+        let cells = (0..width * height).map(|at| cell((at % width, at / width))).collect();
+        OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells }
+    }
+
+    #[test]
+    fn the_piece_of_wall_between_three_doors_goes_on_above_them() {
+        let doors = |ix: usize, iy: usize| match iy {
+            21 => (28..38).contains(&ix) || (45..55).contains(&ix),
+            _ => (25..35).contains(&iy),
+        };
+        let (slice, above) = (three_doors(doors), three_doors(|_, _| false));
+        let config = RoomConfig::default();
+        let blind = RoomMap::new(&slice, None, &config).unwrap();
+        assert!(blind.grid().get(41, 22) == Cell::Free, "a floor plan alone takes it for furniture");
+        let map = RoomMap::new(&slice, Some(&above), &config).unwrap();
+        assert_eq!((map.rooms.len(), map.doorways.len()), (3, 3), "{map:?}");
+        for doorway in &map.doorways {
+            assert!((doorway.width_m - 1.0).abs() < 0.25, "{doorway:?}");
+        }
+    }
+
+    #[test]
+    fn a_gap_as_wide_as_its_hall_is_a_doorway_under_a_lintel_and_none_under_a_beam() {
+        // A corridor, its walls apart by so many cells, and across it a wall of one cell with a gap of all but two of them.
+        let corridor = |cells: usize, is_open: bool| {
+            let (width, height, resolution_m) = (83, cells + 2, 0.1);
+            let cell = |(ix, iy): (usize, usize)| {
+                let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
+                let is_wall = ix == 41 && !(is_open && (2..height - 2).contains(&iy));
+                if is_border || is_wall { Cell::Occupied } else { Cell::Free }
+            };
+            let cells = (0..width * height).map(|at| cell((at % width, at / width))).collect();
+            OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells }
+        };
+        let rooms = |cells, has_lintel: bool| {
+            let closed = corridor(cells, false);
+            let above = has_lintel.then_some(&closed);
+            RoomMap::new(&corridor(cells, true), above, &RoomConfig::default()).unwrap().rooms.len()
+        };
+        assert_eq!((rooms(20, false), rooms(20, true)), (1, 2));
+        assert_eq!((rooms(40, false), rooms(40, true)), (1, 1));
     }
 
     #[test]
     fn an_empty_slice_has_no_rooms() {
         let grid =
             OccupancyGrid { origin: Point2::origin(), resolution_m: 0.1, width: 0, height: 0, cells: Vec::new() };
-        let map = RoomMap::new(&grid, &RoomConfig::default()).unwrap();
+        let map = RoomMap::new(&grid, None, &RoomConfig::default()).unwrap();
         assert!(map.rooms.is_empty() && map.room_at(&Point3::origin()).is_none());
     }
 }

@@ -27,6 +27,8 @@ use crate::vision_verifier::VisionVerifier;
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
+/// Height of the slice above it that shows the rooms with their doors closed: over doors and cupboards, under ceilings.
+const LINTEL_SLICE_M: (f64, f64) = (2.15, 2.30);
 /// Obstacles of a scan are kept up to this range for the local policy.
 const OBSTACLE_RANGE_M: f64 = 3.5;
 
@@ -427,9 +429,10 @@ impl WorldModel {
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));
         self.rooms = clock.time("rooms", || {
             let config = &self.config.rooms;
+            let above = self.volume.slice(self.floor_m + LINTEL_SLICE_M.0, self.floor_m + LINTEL_SLICE_M.1, None);
             match &self.rooms {
-                Some(before) => before.next(&self.slice, config).ok(),
-                None => RoomMap::new(&self.slice, config).ok(),
+                Some(before) => before.next(&self.slice, Some(&above), config).ok(),
+                None => RoomMap::new(&self.slice, Some(&above), config).ok(),
             }
         });
         clock.time("graph", || {

@@ -27,7 +27,7 @@ const MOST_CELLS: f64 = 1e8;
 /// spot belongs to the room to which its ways lead.
 pub fn rooms_of_places(places: &[Place], ways: &[Way], resolution_m: f64, config: &RoomConfig) -> Result<Vec<u32>> {
     let floor = floor_of_places(places, ways, resolution_m)?;
-    let rooms = RoomMap::new(&floor, config)?;
+    let rooms = RoomMap::new(&floor, None, config)?;
     let room_at = |place: &Place| {
         let (ix, iy) = floor.cell_of(&place.at)?;
         rooms.part_of_cell()[iy * floor.width + ix]

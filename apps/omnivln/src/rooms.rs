@@ -74,7 +74,7 @@ fn of_plan(path: &Path, options: &RoomsOptions) -> Result<serde_json::Value> {
         }
     }
     let clock = CpuScope::Thread.now();
-    let rooms = RoomMap::new(&grid, &RoomConfig::default())?;
+    let rooms = RoomMap::new(&grid, None, &RoomConfig::default())?;
     let cpu_s = clock.elapsed().as_secs_f64();
     ensure!(rooms.rooms.len() < usize::from(u16::MAX), "{} rooms are more than 16 bits can number", rooms.rooms.len());
     if let Some(out) = &options.out {
