@@ -20,23 +20,27 @@ pub struct Overhead {
 }
 
 impl Overhead {
-    /// Reads `above`, a slice of the same map between lintels and ceiling, over the cells of `slice`.
-    pub fn new(above: &OccupancyGrid, slice: &OccupancyGrid) -> Overhead {
+    /// Reads `above`, a slice of the same map between lintels and ceiling, over the cells of `slice`. `None` if it says
+    /// nothing about most of what is free in `slice`: never seen, or a low ceiling.
+    pub fn over(slice: &OccupancyGrid, above: &OccupancyGrid) -> Option<Overhead> {
         let over = |cell: usize| above.at(&slice.center(cell % slice.width, cell / slice.width));
         let cells: Vec<Cell> = (0..slice.cells.len()).map(over).collect();
         let mut grid = OccupancyGrid { cells, ..OccupancyGrid::unknown(slice.origin, slice.resolution_m, 0, 0) };
         (grid.width, grid.height) = (slice.width, slice.height);
         forget_ceilings(&mut grid);
+        let says = |(below, above): &(&Cell, &Cell)| **below == Cell::Free && **above != Cell::Unknown;
+        let known = slice.cells.iter().zip(&grid.cells).filter(says).count();
         let to_wall_m = clearance(&grid, false);
-        Overhead { grid, to_wall_m }
+        (2 * known > slice.count(Cell::Free)).then_some(Overhead { grid, to_wall_m })
     }
 
-    /// The slice without what ends below the lintels: cells with open air over them and no wall beside that.
+    /// The slice without what ends below the lintels: cells with open air over them and no wall beside that are free, also
+    /// where nobody could look into a cupboard.
     pub fn without_furniture(&self, slice: &OccupancyGrid) -> OccupancyGrid {
         let mut walls = slice.clone();
         for (at, cell) in walls.cells.iter_mut().enumerate() {
             let is_open = self.grid.cells[at] == Cell::Free && f64::from(self.to_wall_m[at]) > PLUMB_M;
-            if *cell == Cell::Occupied && is_open {
+            if is_open {
                 *cell = Cell::Free;
             }
         }
@@ -93,9 +97,9 @@ mod tests {
 
     #[test]
     fn a_cupboard_ends_and_a_wall_goes_on() {
-        let slice = grid(&["#......", "#..##..", "#..##..", "#......"]);
+        let slice = grid(&["#......", "#..##..", "#..# ..", "#......"]);
         let above = grid(&["#......", "#......", "#......", "#......"]);
-        let overhead = Overhead::new(&above, &slice);
+        let overhead = Overhead::over(&slice, &above).unwrap();
         assert_eq!(overhead.without_furniture(&slice), above, "the cupboard is gone");
         assert!(overhead.are_wall(&[0, 7, 14]) && !overhead.are_wall(&[10, 11, 17, 18]));
     }
@@ -104,9 +108,12 @@ mod tests {
     fn what_nobody_saw_from_below_stays() {
         let slice = grid(&["#......", "#..##..", "#..##..", "#......"]);
         let unseen = grid(&["       "; 4]);
-        assert_eq!(Overhead::new(&unseen, &slice).without_furniture(&slice), slice);
+        assert!(Overhead::over(&slice, &unseen).is_none());
         let elsewhere = OccupancyGrid::unknown(Point2::new(50.0, 0.0), 0.1, 3, 3);
-        assert_eq!(Overhead::new(&elsewhere, &slice).without_furniture(&slice), slice);
+        assert!(Overhead::over(&slice, &elsewhere).is_none());
+        let seen_on_the_left = grid(&["...  .."; 4]);
+        let overhead = Overhead::over(&slice, &seen_on_the_left).unwrap();
+        assert_eq!(overhead.without_furniture(&slice), grid(&[".......", "...##..", "...##..", "......."]));
     }
 
     #[test]
@@ -119,7 +126,7 @@ mod tests {
             above.cells[cell] = if x < 20 || x == 30 { Cell::Occupied } else { Cell::Free };
         }
         let slice = OccupancyGrid { cells: vec![Cell::Free; side * side], ..above.clone() };
-        let overhead = Overhead::new(&above, &slice);
+        let overhead = Overhead::over(&slice, &above).unwrap();
         let row = 20 * side;
         assert!(!overhead.is_under_lintel(row + 10) && !overhead.is_under_lintel(row + 25));
         assert!((29..=31).all(|x| overhead.is_under_lintel(row + x)));

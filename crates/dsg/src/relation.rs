@@ -23,7 +23,7 @@ pub enum RelationKind {
     Above,
     /// The subject's box is within the box of an object that can hold things.
     Inside,
-    /// The subject stands between `object` and `other`.
+    /// The subject stands between `object` and `other`, all three on the same thing or all on the floor.
     Between,
 }
 

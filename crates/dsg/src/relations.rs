@@ -306,11 +306,15 @@ fn keep_nearest(candidates: &mut Vec<Candidate>, max_near: usize) {
 }
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
-/// subject, the closest.
+/// subject, the closest. All three stand on the same: on the floor, or on one table; a mug is not between chair and wall.
 fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Candidate<'a>> {
     const COS_150_DEG: f64 = -0.866;
     const HEIGHT_M: f64 = 0.6;
     const HERE_M: f64 = 0.05;
+    let carries = |kind| matches!(kind, RelationKind::On | RelationKind::Inside);
+    let carried = candidates.iter().map(|candidate| &candidate.relation).filter(|relation| carries(relation.kind));
+    let carrier_of: BTreeMap<ObjectId, ObjectId> =
+        carried.map(|relation| (relation.subject, relation.object)).collect();
     let near = candidates.iter().filter(|candidate| candidate.is_near());
     let mut ends: Vec<(&Object, &Object)> =
         near.flat_map(|near| [(near.subject, near.object), (near.object, near.subject)]).collect();
@@ -324,7 +328,8 @@ fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Can
         around.extend(of_one.iter().filter_map(|(_, other)| {
             let to = other.centroid - subject.centroid;
             let distance_m = to.xy().norm();
-            (to.z.abs() <= HEIGHT_M && distance_m > HERE_M).then_some((*other, to.xy(), distance_m))
+            let is_level = to.z.abs() <= HEIGHT_M && carrier_of.get(&subject.id) == carrier_of.get(&other.id);
+            (is_level && distance_m > HERE_M).then_some((*other, to.xy(), distance_m))
         }));
         for (at, (a, to_a, distance_a)) in around.iter().enumerate() {
             for (b, to_b, distance_b) in &around[at + 1..] {
@@ -353,6 +358,7 @@ fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Can
 mod tests {
     use super::*;
     use crate::bounds::Aabb;
+    use crate::room::Room;
     use nalgebra::Vector3;
 
     fn scene(things: &[(&str, [f64; 3], [f64; 3])]) -> SceneGraph {
@@ -416,6 +422,23 @@ mod tests {
     }
 
     #[test]
+    fn between_is_said_of_things_that_stand_on_the_same() {
+        let mut graph = scene(&[
+            ("desk", [0.0, 0.0, 0.35], [1.8, 0.8, 0.7]),
+            ("laptop", [-0.6, 0.0, 0.8], [0.3, 0.3, 0.2]),
+            ("mug", [0.0, 0.0, 0.75], [0.1, 0.1, 0.1]),
+            ("lamp", [0.6, 0.0, 0.9], [0.2, 0.2, 0.4]),
+            ("chair", [0.0, -0.7, 0.45], [0.5, 0.5, 0.9]),
+            ("radiator", [0.0, 0.7, 0.45], [0.8, 0.1, 0.6]),
+        ]);
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).unwrap();
+        update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
+        let found = found(&graph);
+        let between: Vec<&String> = found.iter().filter(|relation| relation.contains("between")).collect();
+        assert_eq!(between, ["O1 between O5 O6", "O3 between O2 O4"], "the mug is not between chair and radiator");
+    }
+
+    #[test]
     fn eq_6_a_wall_prunes_and_is_kept_as_evidence() {
         let mut graph =
             scene(&[("chair", [-0.5, 0.0, 0.45], [0.5, 0.5, 0.9]), ("plant", [0.5, 0.0, 0.45], [0.3, 0.3, 0.9])]);
@@ -429,8 +452,7 @@ mod tests {
 
     #[test]
     fn a_thin_wall_parts_two_rooms_and_a_doorway_joins_them() {
-        use crate::ids::RoomId;
-        use crate::room::{Room, RoomEdge};
+        use crate::room::RoomEdge;
         let mut graph = scene(&[
             ("picture", [-0.08, 0.0, 1.5], [0.04, 0.6, 0.5]),
             ("cabinet", [0.35, 0.0, 0.6], [0.5, 0.5, 1.2]),
@@ -452,8 +474,6 @@ mod tests {
 
     #[test]
     fn a_monitor_on_a_desk_is_not_over_its_keyboard() {
-        use crate::ids::RoomId;
-        use crate::room::Room;
         let mut graph = scene(&[
             ("desk", [0.0, 0.0, 0.37], [1.4, 0.8, 0.74]),
             ("monitor", [0.0, 0.1, 1.15], [0.5, 0.3, 0.4]),

@@ -7,8 +7,8 @@
 //!   one's, which is grown by 0.25 m (a picture hangs on the wall behind the sofa); under is above, seen from below.
 //! - *near*: boxes at most 1.0 m apart, neither carrying the other, and a free line of sight from box to box, between the
 //!   middles or 0.15 m over both tops; of more than eight the nearest eight of either one.
-//! - *between*: near to both others, which stand on opposite sides (150 degrees seen from above), middles at most 0.6 m
-//!   higher or lower, at most 4.0 m in all; of more than two pairs the shortest two.
+//! - *between*: near to both others, carried by the same thing as they or standing as they do, the two on opposite sides (150
+//!   degrees seen from above), middles at most 0.6 m higher or lower, at most 4.0 m in all; of more than two pairs the shortest two.
 //!
 //! A robot's boxes are a voxel (5 cm) off. Where that much decides, the truth is [`Holds::Unsure`]: every length and every
 //! line of sight is tried that much to either side. Nearness once known may stretch by 0.1 m before it goes (documented
@@ -254,6 +254,9 @@ fn between(things: &[&ObjectTruth], near: &BTreeMap<(u32, u32), (Holds, f64)>) -
 }
 
 fn is_level(subject: &ObjectTruth, other: &ObjectTruth) -> Holds {
+    if subject.supported_by != other.supported_by {
+        return Holds::No;
+    }
     at_most((subject.bounds.center().z - other.bounds.center().z).abs(), LEVEL_M)
 }
 
