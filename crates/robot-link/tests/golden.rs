@@ -12,7 +12,7 @@ fn bytes(hex: &str) -> Vec<u8> {
 
 /// Our frame equals theirs, and theirs reads as our message.
 fn check_frame(sequence: u8, message: Message, hex: &str) {
-    let mut writer = FrameWriter { system_id: 245, component_id: 191, sequence };
+    let mut writer = FrameWriter { sequence, ..FrameWriter::new(245, 191) };
     assert_eq!(writer.write(&message), bytes(hex), "{message:?}");
     let mut reader = FrameReader::new();
     let received = reader.read(&bytes(hex));
