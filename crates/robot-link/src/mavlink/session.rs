@@ -150,10 +150,10 @@ const REST_NS: i64 = 2_000_000_000;
 const REST_MPS: f64 = 0.1;
 /// Disarming is asked for this often; PX4 refuses as long as it believes to fly.
 const MAX_DISARMS: u32 = 10;
-/// Frames of a sender that are this many numbers behind its newest came late.
-const LATE_FRAMES: u8 = 64;
-/// ... unless nothing came for so long that its counter may have gone round.
-const SEQUENCE_MEMORY_NS: i64 = 500_000_000;
+/// A heartbeat whose number is up to this many behind the newest one's is older than that...
+const LATE_FRAMES: u8 = 128;
+/// ... unless that was so long ago that the next regular one is due, and the counter may have gone round.
+const LATE_NS: i64 = 900_000_000;
 /// Pose messages that a session needs often: ATTITUDE_QUATERNION, LOCAL_POSITION_NED; every 20 ms.
 const POSE_MESSAGES: [u32; 2] = [31, 32];
 const POSE_PERIOD_US: f32 = 20_000.0;
@@ -169,8 +169,10 @@ pub struct OffboardSession {
     fault: Option<Fault>,
     vehicle: VehicleState,
     clock: ClockOffset,
-    /// Time of the last message of the autopilot, and its number.
-    heard: Option<(i64, u8)>,
+    /// Time of the autopilot's last message.
+    heard_ns: Option<i64>,
+    /// Time and number of its last heartbeat.
+    heartbeat: Option<(i64, u8)>,
     /// A heartbeat has shown OFFBOARD since it was asked for.
     has_shown_offboard: bool,
     reset_counter: Option<u8>,
@@ -225,7 +227,8 @@ impl OffboardSession {
             fault: None,
             vehicle: VehicleState::default(),
             clock: ClockOffset::default(),
-            heard: None,
+            heard_ns: None,
+            heartbeat: None,
             has_shown_offboard: false,
             reset_counter: None,
             foreign_system: None,
@@ -446,15 +449,18 @@ impl OffboardSession {
             }
             return;
         }
-        let is_late = self.heard.is_some_and(|(last_ns, newest)| {
-            now_ns.saturating_sub(last_ns) < SEQUENCE_MEMORY_NS && newest.wrapping_sub(received.sequence) < LATE_FRAMES
-        });
-        if !is_late {
-            self.heard = Some((now_ns, received.sequence));
-        }
+        self.heard_ns = Some(now_ns);
         match received.message {
-            // It carries no time: one from before a change of mode would say that the change was taken back.
-            Message::Heartbeat(heartbeat) if !is_late => self.hear_heartbeat(now_ns, heartbeat),
+            Message::Heartbeat(heartbeat) => {
+                // It carries no time: one from before a change of mode would say that the change was taken back.
+                let is_late = self.heartbeat.is_some_and(|(last_ns, newest)| {
+                    now_ns.saturating_sub(last_ns) < LATE_NS && (1..=LATE_FRAMES).contains(&newest.wrapping_sub(received.sequence))
+                });
+                if !is_late {
+                    self.heartbeat = Some((now_ns, received.sequence));
+                    self.hear_heartbeat(now_ns, heartbeat);
+                }
+            }
             Message::CommandAck(ack) => {
                 let own = (self.config.system_id, self.config.own_id);
                 // Version 1 of the message names nobody.
@@ -597,7 +603,7 @@ impl OffboardSession {
     }
 
     fn watch_link(&mut self, now_ns: i64) {
-        let Some((heard_ns, _)) = self.heard else { return };
+        let Some(heard_ns) = self.heard_ns else { return };
         let silent_ns = now_ns.saturating_sub(heard_ns);
         if silent_ns > self.config.lost_ns && !matches!(self.stage, Stage::Waiting | Stage::Landed | Stage::Ended) {
             self.end(Fault::LinkLost { silent_s: silent_ns as f64 * 1e-9 });
