@@ -35,6 +35,8 @@ pub mod odometry_run;
 pub mod openai;
 pub mod perspective_crop;
 pub mod posed_scans;
+#[cfg(feature = "px4")]
+pub mod px4;
 pub mod reach;
 pub mod reasoning;
 pub mod recording;

@@ -104,6 +104,7 @@ pub mod skeleton;
 pub mod small_things;
 pub mod stairs;
 pub mod touch;
+pub mod towed;
 pub mod track;
 pub mod truth_relations;
 pub mod variations;

@@ -347,6 +347,11 @@ impl OffboardSession {
         }
     }
 
+    /// Whether the autopilot has shown that it lands by itself: our stream is not needed any more.
+    pub fn is_descending(&self) -> bool {
+        matches!(self.stage, Stage::Descending { .. } | Stage::Disarming(_))
+    }
+
     /// Why it ended, or lands without having been told to.
     pub fn fault(&self) -> Option<&Fault> {
         self.fault.as_ref()
