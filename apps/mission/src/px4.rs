@@ -21,7 +21,6 @@ use std::time::{Duration, Instant, SystemTime};
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use omni_perception::{OdometryEstimate, TrackingStatus};
-use robot_link::mavlink::session::SessionError;
 use robot_link::mavlink::signing::SigningKey;
 use robot_link::mavlink::stream::Reference;
 use robot_link::mavlink::{Fault, OffboardSession, OwnOdometry, Phase, SessionConfig};
@@ -78,10 +77,7 @@ impl Px4Link {
     /// Opens the socket and begins to send heartbeats.
     ///
     /// # Errors
-    /// [`Px4Error::Socket`], [`Px4Error::Thread`].
-    ///
-    /// # Panics
-    /// Never for a configuration with [`SessionConfig`]'s default times; see [`SessionError`].
+    /// [`Px4Error::Socket`], [`Px4Error::Session`], [`Px4Error::Thread`].
     pub fn open(config: &Px4Config) -> Result<Px4Link, Px4Error> {
         let address = config.address;
         let of_socket = |source| Px4Error::Socket { address, source };
@@ -96,8 +92,7 @@ impl Px4Link {
         .map_err(of_socket)?;
         socket.set_read_timeout(Some(POLL)).map_err(of_socket)?;
         let clock = Clock(Instant::now());
-        let session = OffboardSession::new(config.session.clone(), clock.now_ns());
-        let mut session = session.map_err(|error: SessionError| of_socket(std::io::Error::other(error)))?;
+        let mut session = OffboardSession::new(config.session.clone(), clock.now_ns())?;
         if let Some(key) = &config.key {
             session.sign(key.clone(), 0, signing_time());
         }

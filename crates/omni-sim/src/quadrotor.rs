@@ -1,7 +1,7 @@
 //! A quadrotor (or any multirotor) as one rigid body, driven by its rotors' speeds.
 //!
 //! Each rotor follows its command with a first-order lag (its own for up and down), thrust is `k w^2` along its axis, and
-//! the air turns the body against the spin with `moment_ratio * thrust`. Linear drag `-R D R^T v`, gravity, gyroscopic
+//! the air turns the body against the spin with `moment_ratio * thrust`, and drags each hub by `w d v_hub`. Linear drag `-R D R^T v`, gravity, gyroscopic
 //! term, and contacts as springs with damping and friction. Integrated in f64 with steps of at most 1 ms: the
 //! accelerations at the end of a step come from the dynamics at the predicted state, and vary linearly within it (the
 //! trapezoidal rule with one predictor step), so the motion the sensors see is the motion that was integrated.
@@ -143,13 +143,15 @@ impl Quadrotor {
         let rate = state.angular_velocity_body;
         let center = config.center_of_mass.coords;
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros()); // body frame, about the centre of mass
-        for (rotor, speed) in config.rotors.iter().zip(&self.rotor_speeds_radps) {
-            let thrust = rotor.axis * (rotor.thrust_coefficient_n_s2 * speed * speed);
-            force += thrust;
-            moment += (rotor.position_m.coords - center).cross(&thrust);
-            moment -= thrust * (rotor.spin * rotor.moment_ratio_m);
-        }
         let velocity = rotation.inverse() * state.velocity_world + rate.cross(&center);
+        for (rotor, speed) in config.rotors.iter().zip(&self.rotor_speeds_radps) {
+            let arm = rotor.position_m.coords - center;
+            let thrust = rotor.axis * (rotor.thrust_coefficient_n_s2 * speed * speed);
+            let hub = velocity + rate.cross(&arm);
+            let push = thrust - hub.component_mul(&rotor.drag_kg_per_rad) * *speed;
+            force += push;
+            moment += arm.cross(&push) - thrust * (rotor.spin * rotor.moment_ratio_m);
+        }
         force -= velocity.component_mul(&config.drag_ns_per_m);
         // Many points carry together what four would: else a flat foot would be stiffer than a pointed one.
         let share = 4.0 / contacts.len().max(4) as f64;

@@ -1,6 +1,7 @@
 //! What can go wrong with an autopilot on a link, in sentences for people.
 
 use robot_link::mavlink::Fault;
+use robot_link::mavlink::session::SessionError;
 
 use crate::px4::address::Px4Address;
 
@@ -19,6 +20,9 @@ pub enum Px4Error {
     /// The thread of the link could not be started.
     #[error("starting the thread of the link to the autopilot")]
     Thread(#[source] std::io::Error),
+    /// The session's numbers make no sense.
+    #[error(transparent)]
+    Session(#[from] SessionError),
     /// No heartbeat came.
     #[error("no autopilot answers at {address} (waited {waited_s:.0} s): is it running, and does it listen there?")]
     Silent {
