@@ -65,7 +65,9 @@ fn the_checking_peer_finds_no_error_from_take_off_to_landing() {
     let report = folder.path().join("report.json");
     let mut peer = Command::new("python3");
     // The peer runs for its whole duration; the robot flies for 15 s of it and needs some to start and to land.
-    peer.arg(script).args(["--port", &port.to_string(), "--duration", "45", "--need-odometry", "--report"]).arg(&report);
+    peer.arg(script)
+        .args(["--port", &port.to_string(), "--duration", "45", "--need-odometry", "--report"])
+        .arg(&report);
     let mut peer = peer.stdout(Stdio::null()).spawn().expect("python3 starts");
     let address = format!("udpout:127.0.0.1:{port}");
     let arguments = ["find the unicorn", "--scene", "spin", "--px4", &address, "--max-time", "15", "--quiet"];

@@ -251,7 +251,8 @@ impl Drop for Px4Link {
         let begin = Instant::now();
         if matches!(self.phase(), Phase::Starting | Phase::Flying) {
             self.lock().session.land(self.now_ns());
-            let is_asked = |shared: &Shared| shared.session.reference().is_some() && shared.session.phase() == Phase::Landing;
+            let is_asked =
+                |shared: &Shared| shared.session.reference().is_some() && shared.session.phase() == Phase::Landing;
             // Until LAND shows, or the thread gives up: then its silence is for the autopilot's failsafe.
             while begin.elapsed() < LAND_ON_DROP && is_asked(&self.lock()) && !self.lock().session.is_descending() {
                 std::thread::sleep(POLL);

@@ -115,7 +115,11 @@ fn from_take_off_to_landing_over_a_socket() {
         // The robot's x is the autopilot's north, its y west; it rises by a metre.
         let model = autopilot.model.lock().unwrap();
         let [north, east, down] = model.position;
-        assert!((north - 2.0).abs() < 0.05 && (east + 1.0).abs() < 0.05 && (down + 1.0).abs() < 0.05, "{:?}", model.position);
+        assert!(
+            (north - 2.0).abs() < 0.05 && (east + 1.0).abs() < 0.05 && (down + 1.0).abs() < 0.05,
+            "{:?}",
+            model.position
+        );
         assert!(model.odometry > 100 && model.set_points.len() > 200);
     }
     let there = link.pose_at(link.now_ns()).unwrap();

@@ -110,13 +110,15 @@ impl TowedBody {
         let (start, start_ns) = (self.state, self.track.end_ns());
         let (stamp_ns, told) = &self.told;
         let age_s = ((end_ns - stamp_ns) as f64 * 1e-9).clamp(-LONGEST_S, LONGEST_S);
-        let there = Piece::reaching(&start, start_ns, end_ns, &start.acceleration_world, &start.angular_acceleration_body);
+        let there =
+            Piece::reaching(&start, start_ns, end_ns, &start.acceleration_world, &start.angular_acceleration_body);
         let there = there.at(end_ns);
         let w = STIFFNESS_RADPS;
         let off = told.world_from_body.translation.vector + told.velocity_world * age_s
             - there.world_from_body.translation.vector;
         let acceleration = off * (w * w) + (told.velocity_world - there.velocity_world) * (2.0 * w);
-        let turned = told.world_from_body.rotation * UnitQuaternion::from_scaled_axis(told.angular_velocity_body * age_s);
+        let turned =
+            told.world_from_body.rotation * UnitQuaternion::from_scaled_axis(told.angular_velocity_body * age_s);
         let off = (there.world_from_body.rotation.inverse() * turned).scaled_axis();
         let turn = off * (w * w) + (told.angular_velocity_body - there.angular_velocity_body) * (2.0 * w);
         let (acceleration, turn) = (acceleration.cap_magnitude(MAX_ACCEL_MPS2), turn.cap_magnitude(MAX_TURN_RADPS2));

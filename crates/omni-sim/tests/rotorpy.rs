@@ -54,7 +54,13 @@ fn two_seconds_open_loop_are_those_of_rotorpy() {
         off_radps = off_radps.max((ours.angular_velocity_body - vector(&row[14..17])).norm());
         robot.step(0.02, &row[..4], None).expect("four finite commands");
     }
-    println!("largest difference in 2 s: {:.3} mm, {:.2} mm/s, {:.2e} rad, {:.2e} rad/s", 1e3 * off_m, 1e3 * off_mps, off_rad, off_radps);
+    println!(
+        "largest difference in 2 s: {:.3} mm, {:.2} mm/s, {:.2e} rad, {:.2e} rad/s",
+        1e3 * off_m,
+        1e3 * off_mps,
+        off_rad,
+        off_radps
+    );
     assert!(off_m < 1e-3, "{off_m} m");
     assert!(off_mps < 2e-3 && off_rad < 1e-3 && off_radps < 5e-3, "{off_mps} m/s, {off_rad} rad, {off_radps} rad/s");
 }

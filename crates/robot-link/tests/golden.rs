@@ -3,8 +3,8 @@
 
 use robot_link::mavlink::signing::{Signer, SigningKey, Verifier};
 use robot_link::mavlink::{
-    AttitudeQuaternion, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed, Message, Odometry, Received,
-    SetPositionTargetLocalNed, StatusText, Timesync,
+    AttitudeQuaternion, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed, Message,
+    Odometry, Received, SetPositionTargetLocalNed, StatusText, Timesync,
 };
 use robot_link::unitree::{Call, ImuState, Request, Response, SportModeState};
 
@@ -160,8 +160,7 @@ fn telemetry_and_texts() {
         Message::AttitudeQuaternion(attitude),
         "fd2000000bf5bf1f0000e11000000000003f000000bf0000003f0000003f0000003e000080be0000c03f6df4",
     );
-    let position =
-        LocalPositionNed { time_boot_ms: 4322, position: [1.5, -2.5, -3.25], velocity: [0.5, 0.25, -0.125] };
+    let position = LocalPositionNed { time_boot_ms: 4322, position: [1.5, -2.5, -3.25], velocity: [0.5, 0.25, -0.125] };
     check_frame(
         12,
         Message::LocalPositionNed(position),
@@ -198,8 +197,10 @@ fn signed_frames() {
     let mut writer = FrameWriter { sequence: 16, ..FrameWriter::new(245, 191) };
     let start = 37_100_000_000_000;
     let mut signer = Signer::new(key.clone(), 3, start - 1);
-    let messages =
-        [Message::Heartbeat(robot_link::mavlink::offboard::heartbeat()), Message::Timesync(Timesync { tc1: 0, ts1: 5 })];
+    let messages = [
+        Message::Heartbeat(robot_link::mavlink::offboard::heartbeat()),
+        Message::Timesync(Timesync { tc1: 0, ts1: 5 }),
+    ];
     let golden = [
         "fd09010010f5bf00000000000000120800040382fc0300385204be211d388bd0bdbb",
         "fd09010011f5bf6f0000000000000000000005bea60301385204be21bb68665b4c9a",

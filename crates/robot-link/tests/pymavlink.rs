@@ -77,7 +77,8 @@ fn fields(message: &Message) -> Vec<(&'static str, Vec<f64>)> {
             ("system_status", int(m.system_status.into())),
         ],
         Message::AttitudeQuaternion(m) => {
-            let mut out = vec![("time_boot_ms", int(m.time_boot_ms.into())), ("repr_offset_q", wide(&m.display_offset))];
+            let mut out =
+                vec![("time_boot_ms", int(m.time_boot_ms.into())), ("repr_offset_q", wide(&m.display_offset))];
             out.extend(["q1", "q2", "q3", "q4"].into_iter().zip(m.attitude.map(one)));
             out.extend(xyz(["rollspeed", "pitchspeed", "yawspeed"], &m.angular_velocity));
             out

@@ -76,9 +76,7 @@ impl Flight {
 
     /// Set-points and commands of the session since a time.
     fn controls_since(&self, time_ns: i64) -> usize {
-        let is = |message: &Message| {
-            matches!(message, Message::CommandLong(_) | Message::SetPositionTargetLocalNed(_))
-        };
+        let is = |message: &Message| matches!(message, Message::CommandLong(_) | Message::SetPositionTargetLocalNed(_));
         self.sent.iter().filter(|(at_ns, message)| *at_ns > time_ns && is(message)).count()
     }
 }
@@ -114,7 +112,12 @@ fn from_the_floor_and_back() {
     flight.go_on(10.0);
     assert_eq!((flight.session.phase(), flight.session.fault()), (Phase::Landed, None));
     assert!(!flight.px4.is_armed && flight.px4.position[2] == 0.0);
-    assert_eq!((flight.px4.odometry, flight.px4.violations.len()), (50, 0), "a second at 50 Hz; {:?}", flight.px4.violations);
+    assert_eq!(
+        (flight.px4.odometry, flight.px4.violations.len()),
+        (50, 0),
+        "a second at 50 Hz; {:?}",
+        flight.px4.violations
+    );
     // 50 Hz without gaps, and each command once.
     let gaps = flight.px4.set_points.windows(2).map(|pair| pair[1].0 - pair[0].0);
     assert!(gaps.max().is_some_and(|gap| gap <= 30 * MS));
@@ -353,7 +356,9 @@ fn another_systems_heartbeat_is_noticed_and_not_obeyed() {
 
 #[test]
 fn signed_flights_need_the_same_key() {
-    for (ours, theirs, expected) in [(1u8, Some(1u8), Phase::Flying), (1, Some(2), Phase::Waiting), (1, None, Phase::Waiting)] {
+    for (ours, theirs, expected) in
+        [(1u8, Some(1u8), Phase::Flying), (1, Some(2), Phase::Waiting), (1, None, Phase::Waiting)]
+    {
         let mut flight = Flight::over_a_good_link();
         // Doubled frames are replays: every second copy is refused, the flight goes on. Overtaken ones would be refused too.
         (flight.down.doubling, flight.down.delay_ms) = (0.5, 0.0);
@@ -380,5 +385,8 @@ fn bad_configurations_and_numbers_are_refused() {
     assert!(OffboardSession::new(config, 0).is_err());
     let mut session = OffboardSession::new(SessionConfig::default(), 0).expect("sound");
     let nan = Reference::resting_at(Vector3::new(0.0, f64::NAN, 0.0), 0.0);
-    assert!(session.follow(0, &nan).is_err() && session.follow(0, &Reference::resting_at(Vector3::repeat(1e300), 0.0)).is_err());
+    assert!(
+        session.follow(0, &nan).is_err()
+            && session.follow(0, &Reference::resting_at(Vector3::repeat(1e300), 0.0)).is_err()
+    );
 }

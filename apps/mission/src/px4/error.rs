@@ -40,7 +40,9 @@ pub enum Px4Error {
         refused: u64,
     },
     /// Only signed frames, or none that are understood, came.
-    #[error("an autopilot with the system id {found} answers at {address}, and none with {wanted}; say --px4-system {found} if it is the one")]
+    #[error(
+        "an autopilot with the system id {found} answers at {address}, and none with {wanted}; say --px4-system {found} if it is the one"
+    )]
     WrongSystem {
         /// Where.
         address: Px4Address,

@@ -92,7 +92,14 @@ pub enum OffboardError {
 
 /// Our heartbeat: an onboard controller, active.
 pub fn heartbeat() -> Heartbeat {
-    Heartbeat { custom_mode: 0, vehicle_type: 18, autopilot: AUTOPILOT_INVALID, base_mode: 0, system_status: 4, mavlink_version: 3 }
+    Heartbeat {
+        custom_mode: 0,
+        vehicle_type: 18,
+        autopilot: AUTOPILOT_INVALID,
+        base_mode: 0,
+        system_status: 4,
+        mavlink_version: 3,
+    }
 }
 
 /// Set-point for the autopilot `target` (system, component).

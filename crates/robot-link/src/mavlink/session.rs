@@ -26,8 +26,8 @@ use crate::mavlink::command::{CommandInFlight, RetryConfig, Verdict};
 use crate::mavlink::frame::{FrameReader, FrameWriter, Received, Statistics};
 use crate::mavlink::message::{CommandLong, Heartbeat, Message, Odometry};
 use crate::mavlink::offboard::{
-    self, Mode, OffboardError, SetPoint, arm, is_armed, is_in_mode, land, position_target, set_mode,
-    timesync_answer, timesync_request, wish_for_message,
+    self, Mode, OffboardError, SetPoint, arm, is_armed, is_in_mode, land, position_target, set_mode, timesync_answer,
+    timesync_request, wish_for_message,
 };
 use crate::mavlink::signing::{Signer, SigningKey, Verifier};
 use crate::mavlink::stream::{Reference, SetPointStream, StreamConfig};
@@ -116,7 +116,9 @@ enum Stage {
     Waiting,
     Ready,
     /// A flight is wanted; a position must come first.
-    Locating { since_ns: i64 },
+    Locating {
+        since_ns: i64,
+    },
     /// Set-points stream, nothing is asked yet.
     Leading,
     /// OFFBOARD.
@@ -124,13 +126,19 @@ enum Stage {
     /// OFFBOARD was accepted at a time.
     AskingArm(CommandInFlight, i64),
     /// Both were accepted; a heartbeat must show it.
-    Confirming { since_ns: i64 },
+    Confirming {
+        since_ns: i64,
+    },
     Flying,
     AskingLand(CommandInFlight),
     /// LAND was accepted at a time; a heartbeat must show it.
-    ConfirmingLand { since_ns: i64 },
+    ConfirmingLand {
+        since_ns: i64,
+    },
     /// In LAND; at rest since.
-    Descending { rest_since_ns: Option<i64> },
+    Descending {
+        rest_since_ns: Option<i64>,
+    },
     Disarming(CommandInFlight),
     Landed,
     Ended,
@@ -317,7 +325,8 @@ impl OffboardSession {
     /// # Errors
     /// [`OffboardError::NotFinite`].
     pub fn tell_odometry(&mut self, stamp_ns: i64, estimate: &OwnOdometry) -> Result<(), OffboardError> {
-        let is_due = self.last_odometry_ns.is_none_or(|last| stamp_ns.saturating_sub(last) >= self.config.odometry_period_ns);
+        let is_due =
+            self.last_odometry_ns.is_none_or(|last| stamp_ns.saturating_sub(last) >= self.config.odometry_period_ns);
         if !is_due || matches!(self.stage, Stage::Waiting) {
             return Ok(());
         }
@@ -338,10 +347,9 @@ impl OffboardSession {
             | Stage::AskingArm(..)
             | Stage::Confirming { .. } => Phase::Starting,
             Stage::Flying => Phase::Flying,
-            Stage::AskingLand(_)
-            | Stage::ConfirmingLand { .. }
-            | Stage::Descending { .. }
-            | Stage::Disarming(_) => Phase::Landing,
+            Stage::AskingLand(_) | Stage::ConfirmingLand { .. } | Stage::Descending { .. } | Stage::Disarming(_) => {
+                Phase::Landing
+            }
             Stage::Landed => Phase::Landed,
             Stage::Ended => Phase::Ended,
         }
@@ -459,7 +467,8 @@ impl OffboardSession {
             Message::Heartbeat(heartbeat) => {
                 // It carries no time: one from before a change of mode would say that the change was taken back.
                 let is_late = self.heartbeat.is_some_and(|(last_ns, newest)| {
-                    now_ns.saturating_sub(last_ns) < LATE_NS && (1..=LATE_FRAMES).contains(&newest.wrapping_sub(received.sequence))
+                    now_ns.saturating_sub(last_ns) < LATE_NS
+                        && (1..=LATE_FRAMES).contains(&newest.wrapping_sub(received.sequence))
                 });
                 if !is_late {
                     self.heartbeat = Some((now_ns, received.sequence));
@@ -752,7 +761,8 @@ impl OffboardSession {
     /// In LAND: once it has come to rest, motors off. PX4 mostly is faster.
     fn descend(&mut self, now_ns: i64, rest_since_ns: Option<i64>) {
         let is_at_rest = self.vehicle.position().is_some_and(|report| {
-            now_ns.saturating_sub(report.stamp_ns) <= self.config.blind_ns && report.velocity_in_world_mps.norm() < REST_MPS
+            now_ns.saturating_sub(report.stamp_ns) <= self.config.blind_ns
+                && report.velocity_in_world_mps.norm() < REST_MPS
         });
         let since_ns = rest_since_ns.unwrap_or(now_ns);
         if is_at_rest && now_ns - since_ns >= REST_NS {

@@ -175,7 +175,8 @@ mod tests {
         assert_eq!(SigningKey::from_hex(" 0f\n0g"), Err(KeyError { digits: 3, others: 1 }));
         assert_eq!(SigningKey::from_hex(&"0".repeat(65)), Err(KeyError { digits: 65, others: 0 }));
         // SHA-256 of "abc", FIPS 180-2 appendix B.1.
-        let abc = SigningKey::from_hex("ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad").expect("a key");
+        let abc =
+            SigningKey::from_hex("ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad").expect("a key");
         assert_eq!(SigningKey::from_passphrase("abc"), abc);
     }
 

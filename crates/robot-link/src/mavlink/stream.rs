@@ -183,8 +183,8 @@ impl SetPointStream {
         }
         let climb = config.max_climb_mps.max(target.velocity_in_world_mps.z.abs());
         velocity.z = velocity.z.clamp(-climb, climb);
-        let mut acceleration = target.acceleration_in_world_mps2
-            + (velocity - now.velocity_in_world_mps) * config.velocity_gain_per_s;
+        let mut acceleration =
+            target.acceleration_in_world_mps2 + (velocity - now.velocity_in_world_mps) * config.velocity_gain_per_s;
         let size = acceleration.norm();
         if size > config.max_accel_mps2 {
             acceleration *= config.max_accel_mps2 / size;

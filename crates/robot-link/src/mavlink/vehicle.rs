@@ -221,8 +221,14 @@ mod tests {
     fn an_attitude_that_is_none_is_refused() {
         let (mut state, clock) = (VehicleState::default(), ClockOffset::default());
         let good = AttitudeQuaternion { attitude: [1.0, 0.0, 0.0, 0.0], ..AttitudeQuaternion::default() };
-        assert_eq!(state.hear_attitude(&AttitudeQuaternion { attitude: [0.0; 4], ..good }, &clock, 0), Report::Nonsense);
-        assert_eq!(state.hear_attitude(&AttitudeQuaternion { attitude: [f32::NAN; 4], ..good }, &clock, 0), Report::Nonsense);
+        assert_eq!(
+            state.hear_attitude(&AttitudeQuaternion { attitude: [0.0; 4], ..good }, &clock, 0),
+            Report::Nonsense
+        );
+        assert_eq!(
+            state.hear_attitude(&AttitudeQuaternion { attitude: [f32::NAN; 4], ..good }, &clock, 0),
+            Report::Nonsense
+        );
         assert_eq!(state.hear_attitude(&good, &clock, 0), Report::New);
         // Nose north is a quarter turn from east.
         let yaw = state.attitude().expect("heard").world_from_body.euler_angles().2;

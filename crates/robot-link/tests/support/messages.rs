@@ -102,4 +102,3 @@ pub fn message() -> impl Strategy<Value = Message> {
             }),
     ]
 }
-

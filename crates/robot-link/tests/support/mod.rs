@@ -163,7 +163,8 @@ impl ModelPx4 {
         let mut velocity = [0.0f32; 3];
         if self.is_armed && self.custom_mode == OFFBOARD {
             for axis in 0..3 {
-                velocity[axis] = self.target.map_or(0.0, |target| (2.0 * (target[axis] - self.position[axis])).clamp(-3.0, 3.0));
+                velocity[axis] =
+                    self.target.map_or(0.0, |target| (2.0 * (target[axis] - self.position[axis])).clamp(-3.0, 3.0));
             }
         } else if self.is_armed && self.custom_mode == LAND && self.position[2] < 0.0 {
             velocity[2] = 0.7;

@@ -42,7 +42,9 @@ pub enum Fault {
     #[error("the motors are running already: somebody else flies it; land and disarm first")]
     AlreadyArmed,
     /// No LOCAL_POSITION_NED or ATTITUDE_QUATERNION came.
-    #[error("the autopilot reports no local position and attitude: its estimator has none, or they are not sent on this link")]
+    #[error(
+        "the autopilot reports no local position and attitude: its estimator has none, or they are not sent on this link"
+    )]
     NoPosition,
     /// It answered no.
     #[error("the autopilot refuses {step}: {result}{}", said(words.as_deref()))]
