@@ -39,6 +39,8 @@ pub struct Px4Vehicle {
     zero_ns: i64,
     is_begun: bool,
     lost_ns: i64,
+    /// How often the robot's odometry had begun anew when its set-points were first followed.
+    resets: Option<u64>,
     last: ToldPose,
 }
 
@@ -81,6 +83,7 @@ impl Px4Vehicle {
             zero_ns: 0,
             is_begun: false,
             lost_ns: 0,
+            resets: None,
             last,
         }))
     }
@@ -120,6 +123,9 @@ impl Vehicle for Px4Vehicle {
         }
         if let Command::Flight(point) = command {
             self.link.obey(at_ns, point, odometry);
+            if point.is_armed && *self.resets.get_or_insert(mission.odometry_resets()) != mission.odometry_resets() {
+                bail!("the robot's own odometry lost its way and began anew, so its set-points mean other places");
+            }
         }
         match (self.link.fault(), self.link.phase()) {
             (Some(fault), _) => Err(fault.into()),

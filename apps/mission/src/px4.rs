@@ -183,18 +183,15 @@ impl Px4Link {
             }
             return;
         }
-        let local_from_odometry = match (self.local_from_odometry, odometry) {
-            (Some(known), _) => known,
-            (None, Some(odometry)) => {
-                let mut shared = self.lock();
-                let Some(local) = shared.poses.at(now_ns) else { return };
-                shared.session.fly(now_ns);
-                let known = level(&local.world_from_body) * level(&odometry.world_from_body).inverse();
-                drop(shared);
-                *self.local_from_odometry.insert(known)
+        let known = match (self.local_from_odometry, odometry, self.pose_at(now_ns)) {
+            (Some(known), ..) => known,
+            (None, Some(odometry), Some(local)) => {
+                level(&local.world_from_body) * level(&odometry.world_from_body).inverse()
             }
-            (None, None) => return,
+            // Somebody here does not know where it stands.
+            (None, ..) => return,
         };
+        let local_from_odometry = *self.local_from_odometry.insert(known);
         let reference = Reference {
             position_in_world: (local_from_odometry * point.position_in_world).coords,
             velocity_in_world_mps: local_from_odometry * point.velocity_in_world_mps,
@@ -202,8 +199,10 @@ impl Px4Link {
             yaw_rad: point.yaw_rad + local_from_odometry.rotation.euler_angles().2,
             yaw_rate_radps: point.yaw_rate_radps,
         };
+        let session = &mut self.lock().session;
+        session.fly(now_ns);
         // A point that is not finite is not followed; the stream brakes when no better one comes.
-        let _ = self.lock().session.follow(stamp_ns, &reference);
+        let _ = session.follow(stamp_ns, &reference);
     }
 
     /// The robot's own odometry for the autopilot's estimator; nothing while it is lost. `resets` counts its jumps.
@@ -251,10 +250,9 @@ impl Drop for Px4Link {
         let begin = Instant::now();
         if matches!(self.phase(), Phase::Starting | Phase::Flying) {
             self.lock().session.land(self.now_ns());
-            let is_asked =
-                |shared: &Shared| shared.session.reference().is_some() && shared.session.phase() == Phase::Landing;
             // Until LAND shows, or the thread gives up: then its silence is for the autopilot's failsafe.
-            while begin.elapsed() < LAND_ON_DROP && is_asked(&self.lock()) && !self.lock().session.is_descending() {
+            let is_open = |session: &OffboardSession| session.phase() == Phase::Landing && !session.is_descending();
+            while begin.elapsed() < LAND_ON_DROP && is_open(&self.lock().session) {
                 std::thread::sleep(POLL);
             }
         }

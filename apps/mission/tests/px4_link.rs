@@ -70,7 +70,7 @@ impl Drop for Autopilot {
     }
 }
 
-const NEVER: AtomicBool = AtomicBool::new(false);
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn standing() -> OdometryEstimate {
     // The odometry's world is turned by 90 degrees against east, and the robot stands 0.2 m above its floor.

@@ -15,6 +15,8 @@ use crate::mavlink::offboard::clock_offset_ns;
 const WAYS: usize = 16;
 /// An answer may have been this much longer under way than the shortest.
 const SLACK_NS: i64 = 1_000_000;
+/// An answer to a question older than this is none of ours.
+const LONGEST_WAY_NS: i64 = 10_000_000_000;
 /// Weight of a new answer once the first ones are in.
 const GAIN: f64 = 0.1;
 /// An offset that differs by more than this is another clock: the autopilot started anew.
@@ -56,6 +58,9 @@ impl ClockOffset {
     /// Takes an answer heard at `now_ns`. Returns whether it counted.
     pub fn hear(&mut self, answer: &Timesync, now_ns: i64) -> bool {
         let Some((offset_ns, way_ns)) = clock_offset_ns(answer, now_ns) else { return false };
+        if way_ns > LONGEST_WAY_NS {
+            return false;
+        }
         if self.ways_ns.len() == WAYS {
             self.ways_ns.pop_front();
         }
@@ -103,6 +108,21 @@ mod tests {
         let (slow, at) = answer(2_000_000_000, 200_000, 40_000_000, 7_000_000);
         assert!(!clock.hear(&slow, at));
         assert_eq!(clock.offset_ns(), Some(7_000_000));
+    }
+
+    #[test]
+    fn nonsense_neither_counts_nor_overflows() {
+        let mut clock = ClockOffset::default();
+        for tc1 in [i64::MIN, i64::MAX, 1, -1] {
+            for ts1 in [i64::MIN, i64::MAX, 0, 5_000_000_000, -5_000_000_000] {
+                for now_ns in [0, 6_000_000_000] {
+                    clock.hear(&Timesync { tc1, ts1 }, now_ns);
+                    let _ = (clock.ours(i64::MAX), clock.ours(i64::MIN));
+                }
+            }
+        }
+        let mut fresh = ClockOffset::default();
+        assert!(!fresh.hear(&Timesync { tc1: 7, ts1: 1_000_000_000 }, 60_000_000_000), "nobody waits for a minute");
     }
 
     #[test]

@@ -160,18 +160,16 @@ impl ModelPx4 {
 
     /// Five milliseconds of flight; what it says of itself.
     pub fn step(&mut self, now_ns: i64) -> Vec<Vec<u8>> {
+        let position = self.position;
         let mut velocity = [0.0f32; 3];
         if self.is_armed && self.custom_mode == OFFBOARD {
-            for axis in 0..3 {
-                velocity[axis] =
-                    self.target.map_or(0.0, |target| (2.0 * (target[axis] - self.position[axis])).clamp(-3.0, 3.0));
-            }
-        } else if self.is_armed && self.custom_mode == LAND && self.position[2] < 0.0 {
+            let toward =
+                |target: [f32; 3]| std::array::from_fn(|axis| (2.0 * (target[axis] - position[axis])).clamp(-3.0, 3.0));
+            velocity = self.target.map_or(velocity, toward);
+        } else if self.is_armed && self.custom_mode == LAND && position[2] < 0.0 {
             velocity[2] = 0.7;
         }
-        for axis in 0..3 {
-            self.position[axis] += 0.005 * velocity[axis];
-        }
+        self.position = std::array::from_fn(|axis| position[axis] + 0.005 * velocity[axis]);
         self.position[2] = self.position[2].min(0.0);
         let (tick, mut said) = (now_ns / (5 * MS), Vec::new());
         let time_boot_ms = ((now_ns + self.clock_offset_ns) / MS) as u32;
