@@ -1,7 +1,7 @@
 //! A PX4 autopilot in the place of the simulated body: where it says it is, there the simulated sensors are.
 //!
 //! The run's clock is the wall's. When a step takes longer than its 20 ms the next ones are made up for, with the vehicle's poses
-//! of their own times; when the run falls behind by more than [`MAX_BEHIND_NS`], what is lost is lost, and counted.
+//! of their own times; when the run falls behind by more than 0.2 s, what is lost is lost, and counted.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
