@@ -56,7 +56,7 @@ fn peer_script() -> Option<PathBuf> {
     is_here.then_some(script)
 }
 
-/// A flight of half a minute: the checking peer finds no error, and the robot is down again with motors off.
+/// A short flight: the checking peer finds no error, and the robot is down again with motors off.
 #[test]
 fn the_checking_peer_finds_no_error_from_take_off_to_landing() {
     let Some(script) = peer_script() else { return };
@@ -64,13 +64,13 @@ fn the_checking_peer_finds_no_error_from_take_off_to_landing() {
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let report = folder.path().join("report.json");
     let mut peer = Command::new("python3");
-    // The peer runs for its whole duration; the robot flies for 15 s of it and needs some to start and to land.
+    // The peer runs for its whole duration; the robot has 12 s of it and needs some to start and to land.
     peer.arg(script)
-        .args(["--port", &port.to_string(), "--duration", "45", "--need-odometry", "--report"])
+        .args(["--port", &port.to_string(), "--duration", "36", "--need-odometry", "--report"])
         .arg(&report);
     let mut peer = peer.stdout(Stdio::null()).spawn().expect("python3 starts");
     let address = format!("udpout:127.0.0.1:{port}");
-    let arguments = ["find the unicorn", "--scene", "spin", "--px4", &address, "--max-time", "15", "--quiet"];
+    let arguments = ["find the unicorn", "--scene", "spin", "--px4", &address, "--max-time", "12", "--quiet"];
     let (code, out, err) = robot(folder.path(), &arguments);
     peer.wait().expect("the peer ends by itself");
     let read = |path: PathBuf| -> serde_json::Value { serde_json::from_slice(&fs::read(path).unwrap()).unwrap() };

@@ -150,7 +150,8 @@ impl Quadrotor {
             let hub = velocity + rate.cross(&arm);
             let push = thrust - hub.component_mul(&rotor.drag_kg_per_rad) * *speed;
             force += push;
-            moment += arm.cross(&push) - thrust * (rotor.spin * rotor.moment_ratio_m);
+            moment += arm.cross(&push);
+            moment -= thrust * (rotor.spin * rotor.moment_ratio_m);
         }
         force -= velocity.component_mul(&config.drag_ns_per_m);
         // Many points carry together what four would: else a flat foot would be stiffer than a pointed one.
