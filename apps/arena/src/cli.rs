@@ -106,6 +106,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
             summary.prompt_tokens,
             summary.collisions,
         );
+        if let Some(vehicle) = &vehicle {
+            crate::say!("It was {}.", vehicle.account());
+        }
         crate::say!("Look at {}", path.join("report.html").display());
     }
     Ok(summary.success)

@@ -28,6 +28,8 @@ const READY: Duration = Duration::from_secs(10);
 const LANDING: Duration = Duration::from_secs(60);
 /// A run may be this much behind the wall clock and make up for it.
 const MAX_BEHIND_NS: i64 = 200_000_000;
+/// A run that fell further behind than this was no flight in real time.
+const TOO_SLOW_S: f64 = 1.0;
 /// Limits of the streamed set-points over those of the planner, so that a late set-point can be caught up with.
 const HEADROOM: f64 = 1.3;
 
@@ -140,6 +142,11 @@ impl Vehicle for Px4Vehicle {
 
     fn account(&self) -> String {
         let lost_s = self.lost_ns as f64 * 1e-9;
-        format!("flown by a PX4 autopilot in real time; the run fell behind the clock by {lost_s:.1} s in all")
+        let verdict = if lost_s > TOO_SLOW_S {
+            ": this machine is too slow or too busy for it, and set-points stalled"
+        } else {
+            ""
+        };
+        format!("flown by a PX4 autopilot in real time; the run fell behind the clock by {lost_s:.1} s in all{verdict}")
     }
 }

@@ -39,7 +39,7 @@ pub enum Px4Error {
         /// Frames.
         refused: u64,
     },
-    /// Only signed frames, or none that are understood, came.
+    /// Heartbeats came, but of another vehicle.
     #[error(
         "an autopilot with the system id {found} answers at {address}, and none with {wanted}; say --px4-system {found} if it is the one"
     )]
