@@ -12,6 +12,7 @@ use omni_sim::contact::{CollisionShape, Contact, ContactWorld, ShapeGeometry, To
 use omni_sim::ground_base::{GroundBase, GroundBaseConfig, VelocityCommand};
 use omni_sim::motion::{KinematicState, Motion};
 use omni_sim::quadrotor::{Quadrotor, QuadrotorConfig, RotorConfig};
+use omni_sim::towed::{ToldPose, TowedBody};
 use omni_sim::world::World;
 
 use crate::estimate_frame::EstimateFrame;
@@ -37,11 +38,13 @@ pub struct SimulatedBody {
 enum Kind {
     Ground(Box<GroundBase>),
     Air(Box<Quadrotor>, Box<Autopilot>),
+    /// Moved by somebody else.
+    Towed(Box<TowedBody>),
 }
 
 impl SimulatedBody {
-    /// Puts the robot at `start`.
-    pub fn new(robot: &RobotModel, world: &World, start: &Isometry3<f64>) -> Result<SimulatedBody> {
+    /// Puts the robot at `start`. If `is_towed`, it obeys no command: it goes where it is told to be ([`tell`](Self::tell)).
+    pub fn new(robot: &RobotModel, world: &World, start: &Isometry3<f64>, is_towed: bool) -> Result<SimulatedBody> {
         let shapes: Vec<CollisionShape> = robot
             .collision_shapes
             .iter()
@@ -60,6 +63,7 @@ impl SimulatedBody {
         let contacts = ContactWorld::new(world, &shapes, &[]).context("setting up the contacts")?;
         let floor_z_m = start.translation.vector.z - robot.stance_height_m;
         let kind = match robot.kind {
+            _ if is_towed => Kind::Towed(Box::new(TowedBody::new(0, *start))),
             RobotKind::Ground => Kind::Ground(Box::new(ground_base(robot, start, floor_z_m)?)),
             RobotKind::Aerial => {
                 let quadrotor =
@@ -75,6 +79,14 @@ impl SimulatedBody {
     pub fn hear(&mut self, command: &Command, now_ns: i64) {
         if let (Kind::Air(_, autopilot), Command::Flight(set_point)) = (&mut self.kind, command) {
             autopilot.set(Stamp(now_ns), *set_point);
+        }
+    }
+
+    /// Where a towed body is at `now_ns`; another does not listen.
+    pub fn tell(&mut self, now_ns: i64, told: ToldPose) -> Result<()> {
+        match &mut self.kind {
+            Kind::Towed(body) => body.tell(now_ns, told).context("putting the body where it is told to be"),
+            Kind::Ground(_) | Kind::Air(..) => Ok(()),
         }
     }
 
@@ -102,6 +114,12 @@ impl SimulatedBody {
                 }
                 touched
             }
+            (Kind::Towed(body), _) => {
+                body.forget_before(now_ns - MEMORY_NS);
+                let contacts = body.step(tick_ns as f64 * 1e-9, Some(&mut self.contacts)).context("towing the body")?;
+                let (state, floor_z_m) = (body.state(), self.floor_z_m);
+                contacts.into_iter().filter(|contact| !is_landing(contact, &state, floor_z_m)).collect()
+            }
             // A command for another body: nothing moves, nothing breaks.
             _ => Vec::new(),
         };
@@ -121,6 +139,7 @@ impl SimulatedBody {
         match &self.kind {
             Kind::Ground(base) => base.state(),
             Kind::Air(quadrotor, _) => quadrotor.state(),
+            Kind::Towed(body) => body.state(),
         }
     }
 
@@ -129,6 +148,7 @@ impl SimulatedBody {
         match &self.kind {
             Kind::Ground(base) => base.track(),
             Kind::Air(quadrotor, _) => quadrotor.track(),
+            Kind::Towed(body) => body.track(),
         }
     }
 }
@@ -175,6 +195,7 @@ fn quadrotor_config(robot: &RobotModel) -> QuadrotorConfig {
                 max_speed_radps: rotor.max_speed_radps,
                 time_constant_up_s: rotor.time_constant_up_s,
                 time_constant_down_s: rotor.time_constant_down_s,
+                drag_kg_per_rad: Vector3::zeros(),
             })
             .collect(),
         drag_ns_per_m: robot.drag,

@@ -12,10 +12,11 @@ use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates}
 
 use crate::options::Options;
 use crate::progress::ProgressView;
-use crate::run::{Progress, RunConfig, run};
+use crate::run::{Progress, RunConfig, run_with};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scene, draw_start, robot_truth};
 use crate::task::Task;
+use crate::vehicle::{Vehicle, open_vehicle};
 use crate::write_run::write_run;
 
 /// Whole program of a reference robot. `default_scene` is the named scene used without `--scene`.
@@ -75,13 +76,16 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         }
     };
 
+    let stop = stop_at_ctrl_c()?;
+    let mut vehicle = open_vehicle(options, &robot, &start, &stop)?;
+
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
-    let stop = stop_at_ctrl_c()?;
     let view = ProgressView::new(config.max_time_s as u64, "{elapsed_precise} {spinner} {wide_msg}", options.quiet);
-    let result = run(&config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut |progress| {
-        show(&view, progress);
-    })?;
+    // An error ends the run here; the vehicle, dropped, has itself landed.
+    let body = vehicle.as_mut().map(|vehicle| &mut **vehicle as &mut dyn Vehicle);
+    let mut report = |progress: &Progress| show(&view, progress);
+    let result = run_with(body, &config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut report)?;
     view.finish();
 
     write_run(&folder, &result, &scene, &task)?;
@@ -102,6 +106,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
             summary.prompt_tokens,
             summary.collisions,
         );
+        if let Some(vehicle) = &vehicle {
+            crate::say!("It was {}.", vehicle.account());
+        }
         crate::say!("Look at {}", path.join("report.html").display());
     }
     Ok(summary.success)

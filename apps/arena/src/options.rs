@@ -85,6 +85,21 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = LidarMount::Rotating)]
     pub lidar: LidarMount,
 
+    /// Fly with a PX4 autopilot, in real time: udpout:HOST:PORT sends to it, udpin:HOST:PORT waits for it
+    #[cfg(feature = "px4")]
+    #[arg(long, value_name = "ADDRESS")]
+    pub px4: Option<mission::px4::Px4Address>,
+
+    /// MAVLink system id of that autopilot
+    #[cfg(feature = "px4")]
+    #[arg(long, value_name = "ID", default_value_t = 1, requires = "px4", value_parser = clap::value_parser!(u8).range(1..))]
+    pub px4_system: u8,
+
+    /// Sign every frame, and demand signatures, with the key in FILE: 64 hexadecimal digits
+    #[cfg(feature = "px4")]
+    #[arg(long, value_name = "FILE", requires = "px4")]
+    pub px4_key: Option<PathBuf>,
+
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub max_time: f64,

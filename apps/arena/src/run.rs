@@ -12,6 +12,7 @@ use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
+use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
@@ -29,6 +30,7 @@ use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
+use crate::vehicle::Vehicle;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -145,9 +147,26 @@ const STEP_NS: i64 = 20_000_000;
 /// The robot stands still this long after it said stop, so that a swing or a slide still counts.
 const SETTLE_S: f64 = 0.6;
 
-/// Runs one mission. `stop` is looked at once per control period.
+/// Runs one mission in the simulator. `stop` is looked at once per control period.
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the run
 pub fn run(
+    config: &RunConfig,
+    robot: &RobotModel,
+    scene: &Scene,
+    task: &Task,
+    start: &Isometry3<f64>,
+    known: Option<Known>,
+    seed: u64,
+    stop: &Arc<AtomicBool>,
+    report: &mut dyn FnMut(&Progress),
+) -> Result<RunResult> {
+    run_with(None, config, robot, scene, task, start, known, seed, stop, report)
+}
+
+/// Runs one mission whose body is not simulated, if there is a `vehicle`: building and sensors are, where it is.
+#[allow(clippy::too_many_arguments)] // as above
+pub fn run_with(
+    mut vehicle: Option<&mut dyn Vehicle>,
     config: &RunConfig,
     robot: &RobotModel,
     scene: &Scene,
@@ -174,7 +193,9 @@ pub fn run(
         Some(start) => start,
         None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
     };
-    let mut simulation = Simulation::new(&config.simulation, robot, scene, start, &start_in_map, seed)?;
+    let is_towed = vehicle.is_some();
+    let world = SimulationConfig { is_towed, ..config.simulation.clone() };
+    let mut simulation = Simulation::new(&world, robot, scene, start, &start_in_map, seed)?;
     let mind = match &config.llm {
         Some(chat) => Mind::Remote(Box::new(LlmReasoner::new(chat.clone()))),
         None => Mind::Embedded(Box::new(SymbolicReasoner::default())),
@@ -201,14 +222,25 @@ pub fn run(
     let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
     let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
     let mut last = *start;
+    let mut trouble = None;
     let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
     loop {
         let now_s = simulation.seconds();
+        if let Some(vehicle) = &mut vehicle {
+            let next = Stamp(simulation.now().0 + STEP_NS);
+            simulation.tell(next, vehicle.pose_when_due(next))?;
+        }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
         command = mission.cycle(simulation.now());
         if let Some(estimate) = mission.odometry() {
             simulation.hear(estimate);
+        }
+        if let Some(vehicle) = &mut vehicle
+            && let Err(why) = vehicle.obey(simulation.now(), &command, &mission)
+        {
+            trouble = Some(why);
+            break;
         }
 
         let pose = simulation.true_pose();
@@ -266,7 +298,15 @@ pub fn run(
         truth.steps.push((task.steps.len() - 1, simulation.now().0, referee.is_done(last_step, &pose)));
     }
     truth.touches = simulation.touches().to_vec();
-    let (success, reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
+    let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
+    if let Some(vehicle) = vehicle {
+        // The place is judged; now down. What went wrong in the air is said first, and is no success.
+        let landing = vehicle.land();
+        mission.journal.notes.push((end_s, vehicle.account()));
+        if let Some(why) = trouble.or(landing.err()) {
+            (success, reason) = (false, format!("The flight ended early: {why:#}."));
+        }
+    }
     let start_at = Point2::from(start.translation.vector.xy());
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {

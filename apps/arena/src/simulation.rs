@@ -20,6 +20,7 @@ use omni_sim::motion::KinematicState;
 use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
 use omni_sim::render::render;
 use omni_sim::segmenter::SegmenterConfig;
+use omni_sim::towed::ToldPose;
 
 use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
@@ -44,6 +45,8 @@ pub struct SimulationConfig {
     pub drift: Option<DriftConfig>,
     /// The LiDAR's motor stands still.
     pub is_lidar_fixed: bool,
+    /// Somebody else moves the body ([`Simulation::tell`]).
+    pub is_towed: bool,
     /// Sensors from a rig file; the robot model must be fitted with them ([`Rig::fitted`]).
     pub rig: Option<Rig>,
 }
@@ -145,7 +148,7 @@ impl<'a> Simulation<'a> {
             phase_rad: 0.0,
         };
         Ok(Simulation {
-            body: SimulatedBody::new(robot, &scene.world, start)?,
+            body: SimulatedBody::new(robot, &scene.world, start, config.is_towed)?,
             imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
             drifting: config.drift.map(|drift| DriftingOdometry::new(drift, seed, start, start_in_map)),
             believed: EstimateFrame::at_start(start, start_in_map),
@@ -250,6 +253,11 @@ impl<'a> Simulation<'a> {
     /// The newest estimate of the robot's own odometry, for its flight controller.
     pub fn hear(&mut self, estimate: &OdometryEstimate) {
         self.believed = EstimateFrame::of(estimate, &self.body.state());
+    }
+
+    /// Where a towed body truly is at a time (the end of the next step, say).
+    pub fn tell(&mut self, stamp: Stamp, told: ToldPose) -> Result<()> {
+        self.body.tell(stamp.0, told)
     }
 
     /// Lets the world go on for `step_ns` under a command. Returns what the sensors said, in order of delivery; what it

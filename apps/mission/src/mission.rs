@@ -147,6 +147,11 @@ impl Mission {
         self.odometer.as_ref().and_then(Odometer::newest)
     }
 
+    /// How often its own odometry lost its way and began anew: its poses before and after do not belong together.
+    pub fn odometry_resets(&self) -> u64 {
+        self.odometer.as_ref().map_or(0, |odometer| odometer.refused.restarts)
+    }
+
     /// What the sensors said that could not be used, and what the vision model was asked, one sentence each; nothing where all was
     /// used and nothing asked.
     pub fn unused(&self) -> Vec<String> {

@@ -43,7 +43,8 @@
 //! 1. Buildings: [`generator`] (see the README for its steps); the truth about one is [`building::Building`].
 //! 2. [`world::World`] puts the triangles into a tree of boxes ([`bvh`]) and answers rays at any time, movers included.
 //! 3. [`track::MotionTrack`] is a motion of pieces with constant jerk: exact derivatives at any time.
-//!    [`ground_base`] and [`quadrotor`] make one from commands; [`contact`] tells them, by rapier, what they run into.
+//!    [`ground_base`] and [`quadrotor`] make one from commands, [`towed`] from told poses; [`contact`] tells them, by rapier, what
+//!    they run into.
 //! 4. [`lidar`], [`encoder`] and [`imu`] sample the motion.
 //! 5. [`panorama`] and [`fisheye`] render ([`render`]: few rays, subdivided) and have the picture segmented ([`segmenter`], [`region`]) with
 //!    errors that hang together over time and view.
@@ -104,6 +105,7 @@ pub mod skeleton;
 pub mod small_things;
 pub mod stairs;
 pub mod touch;
+pub mod towed;
 pub mod track;
 pub mod truth_relations;
 pub mod variations;

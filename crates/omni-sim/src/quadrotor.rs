@@ -1,7 +1,7 @@
 //! A quadrotor (or any multirotor) as one rigid body, driven by its rotors' speeds.
 //!
 //! Each rotor follows its command with a first-order lag (its own for up and down), thrust is `k w^2` along its axis, and
-//! the air turns the body against the spin with `moment_ratio * thrust`. Linear drag `-R D R^T v`, gravity, gyroscopic
+//! the air turns the body against the spin with `moment_ratio * thrust`, and drags each hub by `w d v_hub`. Linear drag `-R D R^T v`, gravity, gyroscopic
 //! term, and contacts as springs with damping and friction. Integrated in f64 with steps of at most 1 ms: the
 //! accelerations at the end of a step come from the dynamics at the predicted state, and vary linearly within it (the
 //! trapezoidal rule with one predictor step), so the motion the sensors see is the motion that was integrated.
@@ -12,7 +12,7 @@ pub use config::{QuadrotorConfig, QuadrotorError, RotorConfig};
 
 use crate::contact::{Contact, ContactWorld};
 use crate::motion::{KinematicState, Motion};
-use crate::track::{Cubic, Jet, MotionTrack, Piece, Turn, Vibration};
+use crate::track::{Cubic, Jet, MotionTrack, Piece, Vibration};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// The body, its rotors and the motion so far.
@@ -123,49 +123,17 @@ impl Quadrotor {
         let start = self.state;
         let acceleration = start.acceleration_world;
         let turn = start.angular_acceleration_body;
-        let predicted = self.piece(start_ns, end_ns, &acceleration, &turn).at(end_ns);
+        let predicted = Piece::reaching(&start, start_ns, end_ns, &acceleration, &turn).at(end_ns);
         let touched = match contacts {
             Some(world) => world.contacts(&predicted.world_from_body, end_ns),
             None => Vec::new(),
         };
         let (acceleration, turn) = self.accelerations(&predicted, &touched);
-        let mut piece = self.piece(start_ns, end_ns, &acceleration, &turn);
+        let mut piece = Piece::reaching(&start, start_ns, end_ns, &acceleration, &turn);
         self.state = piece.at(end_ns);
         piece.vibration = self.vibration(h);
         self.track.push(piece);
         touched
-    }
-
-    /// The piece that starts with the present state and ends with these accelerations.
-    fn piece(&self, start_ns: i64, end_ns: i64, acceleration: &Vector3<f64>, turn: &Vector3<f64>) -> Piece {
-        let h = (end_ns - start_ns) as f64 * 1e-9;
-        let state = &self.state;
-        let position = [0, 1, 2].map(|k| {
-            let start = Jet {
-                value: state.world_from_body.translation.vector[k],
-                rate: state.velocity_world[k],
-                acceleration: state.acceleration_world[k],
-            };
-            Cubic::reaching(start, acceleration[k], h)
-        });
-        // The body's angular acceleration is phi'' - phi x phi'' / 2 + ...: solve for phi'' at the end.
-        let phi = state.angular_velocity_body * h;
-        let turn = turn + phi.cross(turn) / 2.0;
-        let vector = [0, 1, 2].map(|k| {
-            let start = Jet {
-                value: 0.0,
-                rate: state.angular_velocity_body[k],
-                acceleration: state.angular_acceleration_body[k],
-            };
-            Cubic::reaching(start, turn[k], h)
-        });
-        Piece {
-            start_ns,
-            duration_ns: end_ns - start_ns,
-            position,
-            turn: Turn::Exponential { start: state.world_from_body.rotation, vector },
-            vibration: None,
-        }
     }
 
     /// Acceleration of the body's origin (world) and angular acceleration (body) in a state, by Newton and Euler.
@@ -175,13 +143,16 @@ impl Quadrotor {
         let rate = state.angular_velocity_body;
         let center = config.center_of_mass.coords;
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros()); // body frame, about the centre of mass
+        let velocity = rotation.inverse() * state.velocity_world + rate.cross(&center);
         for (rotor, speed) in config.rotors.iter().zip(&self.rotor_speeds_radps) {
+            let arm = rotor.position_m.coords - center;
             let thrust = rotor.axis * (rotor.thrust_coefficient_n_s2 * speed * speed);
-            force += thrust;
-            moment += (rotor.position_m.coords - center).cross(&thrust);
+            let hub = velocity + rate.cross(&arm);
+            let push = thrust - hub.component_mul(&rotor.drag_kg_per_rad) * *speed;
+            force += push;
+            moment += arm.cross(&push);
             moment -= thrust * (rotor.spin * rotor.moment_ratio_m);
         }
-        let velocity = rotation.inverse() * state.velocity_world + rate.cross(&center);
         force -= velocity.component_mul(&config.drag_ns_per_m);
         // Many points carry together what four would: else a flat foot would be stiffer than a pointed one.
         let share = 4.0 / contacts.len().max(4) as f64;

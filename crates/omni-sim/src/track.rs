@@ -94,6 +94,44 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// The piece that starts at `start_ns` with a state and ends at `end_ns` with these accelerations: of the origin in the
+    /// world, and angular in the body.
+    pub fn reaching(
+        state: &KinematicState,
+        start_ns: i64,
+        end_ns: i64,
+        acceleration: &Vector3<f64>,
+        turn: &Vector3<f64>,
+    ) -> Piece {
+        let h = (end_ns - start_ns) as f64 * 1e-9;
+        let position = [0, 1, 2].map(|k| {
+            let start = Jet {
+                value: state.world_from_body.translation.vector[k],
+                rate: state.velocity_world[k],
+                acceleration: state.acceleration_world[k],
+            };
+            Cubic::reaching(start, acceleration[k], h)
+        });
+        // The body's angular acceleration is phi'' - phi x phi'' / 2 + ...: solve for phi'' at the end.
+        let phi = state.angular_velocity_body * h;
+        let turn = turn + phi.cross(turn) / 2.0;
+        let vector = [0, 1, 2].map(|k| {
+            let start = Jet {
+                value: 0.0,
+                rate: state.angular_velocity_body[k],
+                acceleration: state.angular_acceleration_body[k],
+            };
+            Cubic::reaching(start, turn[k], h)
+        });
+        Piece {
+            start_ns,
+            duration_ns: end_ns - start_ns,
+            position,
+            turn: Turn::Exponential { start: state.world_from_body.rotation, vector },
+            vibration: None,
+        }
+    }
+
     /// State at `stamp_ns`, which is held to the piece's own time.
     pub fn at(&self, stamp_ns: i64) -> KinematicState {
         let inside_ns = stamp_ns.clamp(self.start_ns, self.start_ns + self.duration_ns) - self.start_ns;

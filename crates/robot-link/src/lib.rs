@@ -31,9 +31,13 @@
 //! # How it works
 //!
 //! - [`frames`]: vectors, attitudes, yaw and covariance between the two worlds, both ways.
-//! - [`mavlink::message`]: HEARTBEAT, COMMAND_LONG, COMMAND_ACK, SET_POSITION_TARGET_LOCAL_NED, TIMESYNC, ODOMETRY, field by field.
-//! - [`mavlink::frame`]: framing, checksum with CRC extra, resynchronisation after damage; reads version 1 and signed frames too.
-//! - [`mavlink::offboard`]: the messages of an offboard session from ENU set-points; modes, arming, clock comparison.
+//! - [`mavlink::message`]: the nine messages of an offboard flight, field by field.
+//! - [`mavlink::frame`]: framing, checksum with CRC extra, resynchronisation after damage; reads version 1 too. [`mavlink::signing`]:
+//!   signatures.
+//! - [`mavlink::session`]: a flight from the first heartbeat to motors off, as a state machine that is given bytes and times.
+//! - [`mavlink::stream`]: its set-points; [`mavlink::command`]: its commands until they are answered; [`mavlink::clock`]: the
+//!   autopilot's clock; [`mavlink::vehicle`]: what the autopilot says of itself.
+//! - [`mavlink::offboard`]: single messages from ENU set-points; modes, arming, clock comparison.
 //! - [`unitree::cdr`], [`unitree::message`]: plain CDR and the three types of the sport service.
 //! - [`unitree::sport`]: calls with their JSON parameters, and what answers mean.
 //!
@@ -45,11 +49,12 @@
 //!
 //! # What it does not do
 //!
-//! No sockets, no DDS discovery, no waiting or repeating: apps own these. MAVLink signatures are passed over, not verified.
+//! No sockets, no DDS discovery, no clock: apps own these. Only the messages of an offboard flight are known; parameters, missions and
+//! cameras are not. A reader without a key passes signed frames on unverified.
 //!
 //! # References
 //!
-//! MAVLink serialization and common message set, <https://mavlink.io>. PX4 user guide, Offboard Mode. OMG DDSI-RTPS 2.5, section 10
+//! MAVLink serialization, message signing and common message set, <https://mavlink.io>. PX4 user guide, Offboard Mode. OMG DDSI-RTPS 2.5, section 10
 //! (CDR). Unitree SDK2 message definitions.
 
 pub mod frames;

@@ -1,8 +1,10 @@
-//! Bytes made by other implementations: pymavlink 2.4.50 (system 245, component 191) and cyclonedds 11.0.1.
+//! Bytes made by other implementations: pymavlink 2.4.50 (system 245, component 191) and cyclonedds 11.0.1. The newer ones of
+//! pymavlink come from `tests/data/pymavlink_peer.py golden`.
 
+use robot_link::mavlink::signing::{Signer, SigningKey, Verifier};
 use robot_link::mavlink::{
-    CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, Message, Odometry, Received,
-    SetPositionTargetLocalNed, Timesync,
+    AttitudeQuaternion, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed, Message,
+    Odometry, Received, SetPositionTargetLocalNed, StatusText, Timesync,
 };
 use robot_link::unitree::{Call, ImuState, Request, Response, SportModeState};
 
@@ -12,7 +14,7 @@ fn bytes(hex: &str) -> Vec<u8> {
 
 /// Our frame equals theirs, and theirs reads as our message.
 fn check_frame(sequence: u8, message: Message, hex: &str) {
-    let mut writer = FrameWriter { system_id: 245, component_id: 191, sequence };
+    let mut writer = FrameWriter { sequence, ..FrameWriter::new(245, 191) };
     assert_eq!(writer.write(&message), bytes(hex), "{message:?}");
     let mut reader = FrameReader::new();
     let received = reader.read(&bytes(hex));
@@ -143,6 +145,75 @@ fn odometry() {
             "00000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000140c03025fd5fa"
         ),
     );
+}
+
+#[test]
+fn telemetry_and_texts() {
+    let attitude = AttitudeQuaternion {
+        time_boot_ms: 4321,
+        attitude: [0.5, -0.5, 0.5, 0.5],
+        angular_velocity: [0.125, -0.25, 1.5],
+        display_offset: [0.0; 4],
+    };
+    check_frame(
+        11,
+        Message::AttitudeQuaternion(attitude),
+        "fd2000000bf5bf1f0000e11000000000003f000000bf0000003f0000003f0000003e000080be0000c03f6df4",
+    );
+    let position = LocalPositionNed { time_boot_ms: 4322, position: [1.5, -2.5, -3.25], velocity: [0.5, 0.25, -0.125] };
+    check_frame(
+        12,
+        Message::LocalPositionNed(position),
+        "fd1c00000cf5bf200000e21000000000c03f000020c0000050c00000003f0000803e000000be0a7d",
+    );
+    let mut text = [0; 50];
+    text[..26].copy_from_slice(b"Arming denied: no estimate");
+    check_frame(
+        13,
+        Message::StatusText(StatusText { severity: 4, text, id: 0, chunk: 0 }),
+        "fd1b00000df5bffd00000441726d696e672064656e6965643a206e6f20657374696d6174651cb2",
+    );
+}
+
+#[test]
+fn wishes_and_landing() {
+    use robot_link::mavlink::offboard::{land, wish_for_message};
+    check_frame(
+        14,
+        Message::CommandLong(land((1, 1))),
+        "fd2000000ef5bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000000015000101bccc",
+    );
+    check_frame(
+        15,
+        Message::CommandLong(wish_for_message((1, 1), 32, 20_000.0)),
+        "fd2000000ff5bf4c00000000004200409c460000000000000000000000000000000000000000ff0101010607",
+    );
+}
+
+/// pymavlink with the key 00 01 .. 1f, link 3.
+#[test]
+fn signed_frames() {
+    let key = SigningKey::new(std::array::from_fn(|i| i as u8));
+    let mut writer = FrameWriter { sequence: 16, ..FrameWriter::new(245, 191) };
+    let start = 37_100_000_000_000;
+    let mut signer = Signer::new(key.clone(), 3, start - 1);
+    let messages = [
+        Message::Heartbeat(robot_link::mavlink::offboard::heartbeat()),
+        Message::Timesync(Timesync { tc1: 0, ts1: 5 }),
+    ];
+    let golden = [
+        "fd09010010f5bf00000000000000120800040382fc0300385204be211d388bd0bdbb",
+        "fd09010011f5bf6f0000000000000000000005bea60301385204be21bb68665b4c9a",
+    ];
+    let mut reader = FrameReader::demanding(Verifier::new(key, start));
+    for (message, hex) in messages.iter().zip(golden) {
+        assert_eq!(writer.write_signed(message, &mut signer, start), Some(bytes(hex)), "{message:?}");
+        let received: Vec<Message> = reader.read(&bytes(hex)).into_iter().map(|received| received.message).collect();
+        assert_eq!(received, std::slice::from_ref(message));
+        // The same frame once more is a replay.
+        assert!(reader.read(&bytes(hex)).is_empty());
+    }
+    assert_eq!((reader.statistics.messages, reader.statistics.replayed), (2, 2));
 }
 
 #[test]

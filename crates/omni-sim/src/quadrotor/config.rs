@@ -22,6 +22,8 @@ pub struct RotorConfig {
     pub time_constant_up_s: f64,
     /// Time constant when getting slower.
     pub time_constant_down_s: f64,
+    /// Drag of the hub along the body axes by its air speed and the rotor's speed, kg/rad (0).
+    pub drag_kg_per_rad: Vector3<f64>,
 }
 
 /// Body, rotors and the world's numbers.
@@ -61,6 +63,7 @@ impl QuadrotorConfig {
             max_speed_radps: 1000.0,
             time_constant_up_s: 0.0125,
             time_constant_down_s: 0.025,
+            drag_kg_per_rad: Vector3::zeros(),
         };
         QuadrotorConfig {
             mass_kg: 2.0643,
@@ -94,6 +97,7 @@ impl QuadrotorConfig {
                 && positive(r.max_speed_radps)
                 && positive(r.time_constant_up_s)
                 && positive(r.time_constant_down_s)
+                && r.drag_kg_per_rad.iter().all(|x| not_negative(*x))
         };
         let inertia = self.inertia_kgm2;
         let is_inertia_good = inertia.iter().all(|x| x.is_finite())

@@ -10,13 +10,13 @@
 //! because an autopilot speaks it until it has heard version 2.
 
 use crate::mavlink::message::{Message, specification};
+use crate::mavlink::signing::{SIGNATURE_BYTES, Signature, Signer, Verifier};
 
 const MAGIC_V2: u8 = 0xFD;
 const MAGIC_V1: u8 = 0xFE;
 const HEADER_V2: usize = 10;
 const HEADER_V1: usize = 6;
 const CHECKSUM: usize = 2;
-const SIGNATURE: usize = 13;
 /// The only incompatibility flag there is: a signature follows.
 const SIGNED: u8 = 0x01;
 
@@ -39,6 +39,17 @@ impl FrameWriter {
 
     /// The next frame.
     pub fn write(&mut self, message: &Message) -> Vec<u8> {
+        self.frame(message, 0)
+    }
+
+    /// The next frame with a signature. `timestamp` is the time now in 10 us since 2015-01-01; the signer never uses one twice.
+    /// `None` when it has none left.
+    pub fn write_signed(&mut self, message: &Message, signer: &mut Signer, timestamp: u64) -> Option<Vec<u8>> {
+        let mut frame = self.frame(message, SIGNED);
+        signer.sign(&mut frame, timestamp).then_some(frame)
+    }
+
+    fn frame(&mut self, message: &Message, flags: u8) -> Vec<u8> {
         let mut payload = message.payload();
         while payload.len() > 1 && payload.last() == Some(&0) {
             payload.pop();
@@ -47,7 +58,7 @@ impl FrameWriter {
         // No payload of ours is longer than 255 bytes: the largest message has 233.
         let length = payload.len() as u8;
         let mut frame =
-            vec![MAGIC_V2, length, 0, 0, self.sequence, self.system_id, self.component_id, id[0], id[1], id[2]];
+            vec![MAGIC_V2, length, flags, 0, self.sequence, self.system_id, self.component_id, id[0], id[1], id[2]];
         frame.extend_from_slice(&payload);
         let extra = specification(message.id()).map_or(0, |specification| specification.crc_extra);
         frame.extend(checksum(&frame[1..], extra).to_le_bytes());
@@ -78,6 +89,10 @@ pub struct Statistics {
     pub bad_checksums: u64,
     /// Candidates of messages not known here; their checksum cannot be verified.
     pub unknown_messages: u64,
+    /// Frames without a signature or with a wrong one, where a key is demanded.
+    pub bad_signatures: u64,
+    /// Frames with a good signature that were seen before or are too old.
+    pub replayed: u64,
     /// Bytes passed over while looking for a frame, unknown messages included.
     pub skipped_bytes: u64,
 }
@@ -88,6 +103,7 @@ pub struct Statistics {
 #[derive(Debug, Clone, Default)]
 pub struct FrameReader {
     buffer: Vec<u8>,
+    verifier: Option<Verifier>,
     /// Counters since the reader was made.
     pub statistics: Statistics,
 }
@@ -98,6 +114,11 @@ impl FrameReader {
         Self::default()
     }
 
+    /// A reader that passes on signed frames only, and each of them once.
+    pub fn demanding(verifier: Verifier) -> Self {
+        Self { verifier: Some(verifier), ..Self::default() }
+    }
+
     /// Takes bytes and returns the messages that are complete with them, in order.
     pub fn read(&mut self, bytes: &[u8]) -> Vec<Received> {
         self.buffer.extend_from_slice(bytes);
@@ -106,8 +127,15 @@ impl FrameReader {
         while at < self.buffer.len() {
             match parse(&self.buffer[at..]) {
                 Parsed::Frame(received, length) => {
-                    found.push(received);
-                    self.statistics.messages += 1;
+                    let frame = &self.buffer[at..at + length];
+                    match judge(self.verifier.as_mut(), frame, &received) {
+                        Signature::Good => {
+                            found.push(received);
+                            self.statistics.messages += 1;
+                        }
+                        Signature::Wrong => self.statistics.bad_signatures += 1,
+                        Signature::Replayed => self.statistics.replayed += 1,
+                    }
                     at += length;
                 }
                 Parsed::Incomplete => break,
@@ -127,6 +155,16 @@ impl FrameReader {
     pub fn end_of_datagram(&mut self) {
         self.statistics.skipped_bytes += self.buffer.len() as u64;
         self.buffer.clear();
+    }
+}
+
+/// Without a verifier every frame is good, with one only those with a signature are looked at.
+fn judge(verifier: Option<&mut Verifier>, frame: &[u8], received: &Received) -> Signature {
+    let is_signed = frame[0] == MAGIC_V2 && frame[2] & SIGNED != 0;
+    match verifier {
+        None => Signature::Good,
+        Some(verifier) if is_signed => verifier.check(frame, received.system_id, received.component_id),
+        Some(_) => Signature::Wrong,
     }
 }
 
@@ -157,7 +195,7 @@ fn parse(bytes: &[u8]) -> Parsed {
         // A flag we do not know means that we cannot read the frame.
         return Parsed::NoFrame(Fault::NoStart);
     }
-    let signature = if is_v2 && bytes[2] & SIGNED != 0 { SIGNATURE } else { 0 };
+    let signature = if is_v2 && bytes[2] & SIGNED != 0 { SIGNATURE_BYTES } else { 0 };
     let payload_end = header + usize::from(bytes[1]);
     let [sequence, system_id, component_id] =
         if is_v2 { [bytes[4], bytes[5], bytes[6]] } else { [bytes[2], bytes[3], bytes[4]] };
@@ -224,7 +262,7 @@ mod tests {
         let mut signed = vec![MAGIC_V2, 16, SIGNED, 0, 9, 1, 2, 111, 0, 0];
         signed.extend(message.payload());
         signed.extend(checksum(&signed[1..], 34).to_le_bytes());
-        signed.extend([7; SIGNATURE]);
+        signed.extend([7; SIGNATURE_BYTES]);
         for frame in [v1, signed] {
             let received = Received { system_id: 1, component_id: 2, sequence: 9, message: message.clone() };
             assert_eq!(FrameReader::new().read(&frame), vec![received]);

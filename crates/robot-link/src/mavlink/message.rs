@@ -16,10 +16,13 @@ pub struct Specification {
 pub fn specification(id: u32) -> Option<Specification> {
     let (crc_extra, length) = match id {
         0 => (50, 9),
+        31 => (246, 48),
+        32 => (185, 28),
         76 => (152, 33),
         77 => (143, 10),
         84 => (143, 53),
         111 => (34, 16),
+        253 => (83, 54),
         331 => (91, 233),
         _ => return None,
     };
@@ -31,6 +34,10 @@ pub fn specification(id: u32) -> Option<Specification> {
 pub enum Message {
     /// "I am here", once a second.
     Heartbeat(Heartbeat),
+    /// Which way the vehicle is turned.
+    AttitudeQuaternion(AttitudeQuaternion),
+    /// Where the vehicle is.
+    LocalPositionNed(LocalPositionNed),
     /// A command.
     CommandLong(CommandLong),
     /// The answer to a command.
@@ -39,6 +46,8 @@ pub enum Message {
     SetPositionTargetLocalNed(SetPositionTargetLocalNed),
     /// Clock comparison.
     Timesync(Timesync),
+    /// A sentence for people.
+    StatusText(StatusText),
     /// Where the robot is, from our own odometry.
     Odometry(Box<Odometry>),
 }
@@ -58,6 +67,30 @@ pub struct Heartbeat {
     pub system_status: u8,
     /// Always 3.
     pub mavlink_version: u8,
+}
+
+/// ATTITUDE_QUATERNION (31).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AttitudeQuaternion {
+    /// Time since boot, ms.
+    pub time_boot_ms: u32,
+    /// Attitude (w, x, y, z): FRD body to NED.
+    pub attitude: [f32; 4],
+    /// Roll, pitch and yaw speed in the FRD body, rad/s.
+    pub angular_velocity: [f32; 3],
+    /// Turn to apply for display, all zero for none; not used here.
+    pub display_offset: [f32; 4],
+}
+
+/// LOCAL_POSITION_NED (32).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LocalPositionNed {
+    /// Time since boot, ms.
+    pub time_boot_ms: u32,
+    /// North, east, down, m.
+    pub position: [f32; 3],
+    /// North, east, down, m/s.
+    pub velocity: [f32; 3],
 }
 
 /// COMMAND_LONG (76).
@@ -126,6 +159,27 @@ pub struct Timesync {
     pub ts1: i64,
 }
 
+/// STATUSTEXT (253).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StatusText {
+    /// MAV_SEVERITY: 0 emergency, 3 error, 4 warning, 6 information.
+    pub severity: u8,
+    /// The text, filled up with zeros.
+    pub text: [u8; 50],
+    /// Which of several long texts this is a part of; 0 when it is one by itself.
+    pub id: u16,
+    /// Which part.
+    pub chunk: u8,
+}
+
+impl StatusText {
+    /// What it says: printable ASCII only, whatever was sent.
+    pub fn words(&self) -> String {
+        let said = self.text.iter().take_while(|byte| **byte != 0);
+        said.map(|byte| if byte.is_ascii_graphic() { char::from(*byte) } else { ' ' }).collect::<String>().trim().into()
+    }
+}
+
 /// ODOMETRY (331).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odometry {
@@ -160,10 +214,13 @@ impl Message {
     pub fn id(&self) -> u32 {
         match self {
             Self::Heartbeat(_) => 0,
+            Self::AttitudeQuaternion(_) => 31,
+            Self::LocalPositionNed(_) => 32,
             Self::CommandLong(_) => 76,
             Self::CommandAck(_) => 77,
             Self::SetPositionTargetLocalNed(_) => 84,
             Self::Timesync(_) => 111,
+            Self::StatusText(_) => 253,
             Self::Odometry(_) => 331,
         }
     }
@@ -175,6 +232,17 @@ impl Message {
             Self::Heartbeat(m) => {
                 out.extend(m.custom_mode.to_le_bytes());
                 out.extend([m.vehicle_type, m.autopilot, m.base_mode, m.system_status, m.mavlink_version]);
+            }
+            Self::AttitudeQuaternion(m) => {
+                out.extend(m.time_boot_ms.to_le_bytes());
+                floats(&mut out, &m.attitude);
+                floats(&mut out, &m.angular_velocity);
+                floats(&mut out, &m.display_offset);
+            }
+            Self::LocalPositionNed(m) => {
+                out.extend(m.time_boot_ms.to_le_bytes());
+                floats(&mut out, &m.position);
+                floats(&mut out, &m.velocity);
             }
             Self::CommandLong(m) => {
                 floats(&mut out, &m.params);
@@ -199,6 +267,12 @@ impl Message {
             Self::Timesync(m) => {
                 out.extend(m.tc1.to_le_bytes());
                 out.extend(m.ts1.to_le_bytes());
+            }
+            Self::StatusText(m) => {
+                out.push(m.severity);
+                out.extend(m.text);
+                out.extend(m.id.to_le_bytes());
+                out.push(m.chunk);
             }
             Self::Odometry(m) => {
                 out.extend(m.time_usec.to_le_bytes());
@@ -228,6 +302,17 @@ impl Message {
                 system_status: f.byte(),
                 mavlink_version: f.byte(),
             }),
+            31 => Self::AttitudeQuaternion(AttitudeQuaternion {
+                time_boot_ms: u32::from_le_bytes(f.take()),
+                attitude: f.floats(),
+                angular_velocity: f.floats(),
+                display_offset: f.floats(),
+            }),
+            32 => Self::LocalPositionNed(LocalPositionNed {
+                time_boot_ms: u32::from_le_bytes(f.take()),
+                position: f.floats(),
+                velocity: f.floats(),
+            }),
             76 => Self::CommandLong(CommandLong {
                 params: f.floats(),
                 command: u16::from_le_bytes(f.take()),
@@ -256,6 +341,12 @@ impl Message {
                 coordinate_frame: f.byte(),
             }),
             111 => Self::Timesync(Timesync { tc1: i64::from_le_bytes(f.take()), ts1: i64::from_le_bytes(f.take()) }),
+            253 => Self::StatusText(StatusText {
+                severity: f.byte(),
+                text: f.take(),
+                id: u16::from_le_bytes(f.take()),
+                chunk: f.byte(),
+            }),
             331 => Self::Odometry(Box::new(Odometry {
                 time_usec: u64::from_le_bytes(f.take()),
                 position: f.floats(),
@@ -327,11 +418,22 @@ mod tests {
             Message::CommandAck(CommandAck::default()),
             Message::SetPositionTargetLocalNed(SetPositionTargetLocalNed::default()),
             Message::Timesync(Timesync::default()),
+            Message::AttitudeQuaternion(AttitudeQuaternion::default()),
+            Message::LocalPositionNed(LocalPositionNed::default()),
+            Message::StatusText(StatusText { severity: 6, text: [b'x'; 50], id: 0, chunk: 0 }),
             Message::Odometry(Box::new(odometry)),
         ] {
             let length = specification(message.id()).map(|specification| specification.length);
             assert_eq!(Some(message.payload().len()), length, "{message:?}");
         }
+    }
+
+    #[test]
+    fn a_text_is_printable_whatever_was_sent() {
+        let mut text = [0; 50];
+        text[..8].copy_from_slice(b" a\x1b[2J\xffb");
+        assert_eq!(StatusText { severity: 3, text, id: 0, chunk: 0 }.words(), "a [2J b");
+        assert_eq!(StatusText { severity: 3, text: [0xC3; 50], id: 0, chunk: 0 }.words(), "");
     }
 
     #[test]

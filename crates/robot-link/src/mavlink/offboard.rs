@@ -1,4 +1,4 @@
-//! The steps of a PX4 offboard session, as messages; sending, receiving and waiting are the caller's.
+//! The steps of a PX4 offboard session, as messages; their order and repetition are [`session`](crate::mavlink::session)'s.
 //!
 //! ```text
 //! heartbeat 1 Hz -> timesync -> odometry 30-50 Hz -> set-points 20-50 Hz for more than 1 s -> set_mode(OFFBOARD) -> ack
@@ -15,8 +15,14 @@ use nalgebra::{Isometry3, Matrix6, Vector3};
 const FRAME_LOCAL_NED: u8 = 1;
 const FRAME_BODY_FRD: u8 = 12;
 const FRAME_LOCAL_FRD: u8 = 20;
+/// MAV_AUTOPILOT of PX4.
+pub(crate) const AUTOPILOT_PX4: u8 = 12;
+/// MAV_AUTOPILOT of everything that is no autopilot.
+pub(crate) const AUTOPILOT_INVALID: u8 = 8;
+const COMMAND_LAND: u16 = 21;
 const COMMAND_DO_SET_MODE: u16 = 176;
 const COMMAND_ARM: u16 = 400;
+const COMMAND_SET_MESSAGE_INTERVAL: u16 = 511;
 const BASE_MODE_CUSTOM: f32 = 1.0;
 const BASE_MODE_ARMED: u8 = 128;
 
@@ -86,7 +92,14 @@ pub enum OffboardError {
 
 /// Our heartbeat: an onboard controller, active.
 pub fn heartbeat() -> Heartbeat {
-    Heartbeat { custom_mode: 0, vehicle_type: 18, autopilot: 8, base_mode: 0, system_status: 4, mavlink_version: 3 }
+    Heartbeat {
+        custom_mode: 0,
+        vehicle_type: 18,
+        autopilot: AUTOPILOT_INVALID,
+        base_mode: 0,
+        system_status: 4,
+        mavlink_version: 3,
+    }
 }
 
 /// Set-point for the autopilot `target` (system, component).
@@ -186,6 +199,20 @@ pub fn set_mode(target: (u8, u8), mode: Mode, confirmation: u8) -> CommandLong {
 pub fn arm(target: (u8, u8), armed: bool, confirmation: u8) -> CommandLong {
     let params = [if armed { 1.0 } else { 0.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     CommandLong { params, command: COMMAND_ARM, target_system: target.0, target_component: target.1, confirmation }
+}
+
+/// Asks to land where it is.
+pub fn land(target: (u8, u8)) -> CommandLong {
+    // Heading and place NaN: the present ones.
+    let params = [0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 0.0];
+    CommandLong { params, command: COMMAND_LAND, target_system: target.0, target_component: target.1, confirmation: 0 }
+}
+
+/// Asks for a message every so many microseconds.
+pub fn wish_for_message(target: (u8, u8), id: u32, period_us: f32) -> CommandLong {
+    let params = [id as f32, period_us, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let (target_system, target_component) = target;
+    CommandLong { params, command: COMMAND_SET_MESSAGE_INTERVAL, target_system, target_component, confirmation: 0 }
 }
 
 /// Whether the motors may turn.
