@@ -12,6 +12,7 @@ pub mod trajectory;
 
 pub(crate) mod corridor;
 pub(crate) mod guide;
+pub(crate) mod hermite;
 pub(crate) mod obstacles;
 pub(crate) mod refine;
 pub(crate) mod route;
