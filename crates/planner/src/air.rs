@@ -2,14 +2,21 @@
 
 pub mod certificate;
 pub mod config;
+pub mod depth;
+pub mod flatness;
+pub mod interior;
+pub mod limits;
 pub mod controller;
 pub mod minco;
 pub mod mixer;
 pub mod polytope;
+pub mod proof;
 pub mod search;
 pub mod stop;
 pub mod trajectory;
 
+pub(crate) mod bernstein;
+pub mod corridor_flight;
 pub(crate) mod corridor;
 pub(crate) mod guide;
 pub(crate) mod hermite;
