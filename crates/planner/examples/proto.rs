@@ -17,11 +17,15 @@ fn main() {
     let mut settings = InteriorSettings::default();
     if let Some(s) = args.get(4) { settings.shrink = s.parse().unwrap(); }
     if let Some(s) = args.get(5) { settings.last_weight = s.parse().unwrap(); }
+    if let Some(s) = args.get(6) { settings.stage_gain = s.parse().unwrap(); }
+    if let Some(s) = args.get(7) { settings.last_gain = s.parse().unwrap(); }
+    if let Some(s) = args.get(8) { settings.stage_steps = s.parse().unwrap(); }
     let (mut ratios, mut times, mut steps, mut bad) = (vec![], vec![], vec![], 0);
     for (k, p) in file["problems"].as_array().unwrap().iter().enumerate() {
         let corridor: Vec<Polytope> = p["polytopes"].as_array().unwrap().iter().map(|q| Polytope { faces: q.as_array().unwrap().iter().map(|r| { let n = vec(r); HalfSpace { normal: n / n.norm(), offset_m: -f(&r[3]) / n.norm() } }).collect() }).collect();
         let (s, g) = (state(&p["start"]), state(&p["goal"]));
-        let reps = 5;
+        if std::env::var("ONLY").is_ok_and(|o| o != k.to_string()) { continue; }
+        let reps = if std::env::var("TRACE").is_ok() {1} else {5};
         let mut best = f64::INFINITY;
         let mut out = None;
         for _ in 0..reps { let t = Instant::now(); out = Some(fly_corridor(&s, &g, &corridor, &limits, &settings)); best = best.min(t.elapsed().as_secs_f64() * 1e3); }
@@ -29,7 +33,7 @@ fn main() {
         match out.unwrap() {
             Ok(o) => {
                 steps.push(o.steps as f64);
-                if let Some(r) = &reference { ratios.push(o.cost / f(&r["rows"][k]["cost"])); if args.len() > 6 {println!("{k} {:.4} steps {} {:.2} ms minT {:.3} cost {:.2} effort {:.2} peer {:.2} {:.2}", ratios[ratios.len()-1], o.steps, best, o.trajectory.pieces.iter().map(|p| p.duration_s).fold(9.0, f64::min), o.cost, o.effort, f(&r["rows"][k]["cost"]), f(&r["rows"][k]["energy"]));} }
+                if let Some(r) = &reference { ratios.push(o.cost / f(&r["rows"][k]["cost"])); if args.len() > 9 {println!("{k} {:.4} steps {} {:.2} ms minT {:.3} cost {:.2} effort {:.2} peer {:.2} {:.2}", ratios[ratios.len()-1], o.steps, best, o.trajectory.pieces.iter().map(|p| p.duration_s).fold(9.0, f64::min), o.cost, o.effort, f(&r["rows"][k]["cost"]), f(&r["rows"][k]["energy"]));} }
             }
             Err(e) => { bad += 1; println!("{k} {e}"); }
         }

@@ -209,9 +209,14 @@ fn first_guess(start: &BoundaryState, goal: &BoundaryState, joints: &[Vector3<f6
     states.extend(joints.iter().map(|p| [*p, Vector3::zeros(), Vector3::zeros()]));
     states.push(*goal);
     let speed = FIRST_SPEED * limits.max_speed_mps;
+    // Half way from rest to rest takes a jerk of about 30 l / T^3; the body rate it asks for is about jerk / g.
+    let gentle = limits.airframe.map_or(0.0, |a| 30.0 / (limits.max_rate_radps * a.gravity_mps2));
     let durations_s: Vec<f64> = states
         .windows(2)
-        .map(|w| ((w[1][0] - w[0][0]).norm() / speed).max(2.0 * limits.min_duration_s).max(0.2))
+        .map(|w| {
+            let length = (w[1][0] - w[0][0]).norm();
+            (length / speed).max((length * gentle).cbrt()).max(2.0 * limits.min_duration_s).max(0.2)
+        })
         .collect();
     for k in 1..states.len() - 1 {
         let along = states[k + 1][0] - states[k - 1][0];

@@ -24,6 +24,12 @@ use super::polytope::Polytope;
 /// Samples per piece at which the rotor limits are asked for.
 pub(crate) const SAMPLES: usize = 10;
 
+/// `sqrt(1 + 0.01)`: the rate counts as `sqrt(share^2 + 0.01)`, which grows like the rate and is smooth at rest.
+const RATE_EDGE: f64 = 1.004_987_562_112_089;
+
+/// Rotor limits count from this slack on (share of the limit).
+const NEAR: f64 = 0.2;
+
 /// How the barrier shrinks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteriorSettings {
@@ -33,8 +39,12 @@ pub struct InteriorSettings {
     pub last_weight: f64,
     /// What one stage leaves of it.
     pub shrink: f64,
-    /// Newton steps in all.
-    pub max_steps: usize,
+    /// Newton steps in one stage at most.
+    pub stage_steps: usize,
+    /// A stage ends when a step promises less than this many barrier weights a piece.
+    pub stage_gain: f64,
+    /// The same for the last stage.
+    pub last_gain: f64,
     /// Slack below which the logarithm becomes a parabola, at first (m, or share of a limit).
     pub first_softness: f64,
     /// The same at last.
@@ -47,7 +57,9 @@ impl Default for InteriorSettings {
             first_weight: 0.03,
             last_weight: 1e-6,
             shrink: 0.15,
-            max_steps: 300,
+            stage_steps: 25,
+            stage_gain: 0.1,
+            last_gain: 0.05,
             first_softness: 0.05,
             last_softness: 1e-6,
         }
@@ -231,12 +243,29 @@ impl Sum {
         }
     }
 
+    /// A barrier that begins at `NEAR` only: what is further inside does not feel it.
+    fn add_near(&mut self, barrier: &Barrier, slack: f64) {
+        if slack < NEAR {
+            let u = slack / NEAR - 1.0;
+            self.add(barrier, slack);
+            self.total += NEAR.ln() + u - 0.5 * u * u;
+        }
+    }
+
     fn value(&self, barrier: &Barrier) -> f64 {
         barrier.weight * (self.total - self.product.ln())
     }
 }
 
 impl Barrier {
+    /// Derivatives of the barrier that begins at `NEAR`; zero further inside.
+    fn slopes_near(&self, slack: f64) -> (f64, f64) {
+        let (first, second) = self.slopes(slack);
+        let inverse = 1.0 / NEAR;
+        let u = slack * inverse - 1.0;
+        (first + self.weight * (inverse - u * inverse), second - self.weight * inverse * inverse)
+    }
+
     /// First and second derivative by the slack.
     fn slopes(&self, slack: f64) -> (f64, f64) {
         if slack >= self.softness {
@@ -262,6 +291,8 @@ struct Solver<'a> {
     locals: Vec<Local>,
     trial_states: Vec<BoundaryState>,
     trial_theta: Vec<f64>,
+    from_states: Vec<BoundaryState>,
+    from_theta: Vec<f64>,
     step_states: Vec<Vector9>,
     step_theta: Vec<f64>,
     diagonal: Vec<Matrix9>,
@@ -285,6 +316,8 @@ impl<'a> Solver<'a> {
             locals: vec![Local::zero(); pieces],
             trial_states: nodes.states.clone(),
             trial_theta: nodes.durations_s.clone(),
+            from_states: nodes.states.clone(),
+            from_theta: nodes.durations_s.clone(),
             step_states: vec![Vector9::zeros(); pieces + 1],
             step_theta: vec![0.0; pieces],
             diagonal: vec![Matrix9::zeros(); pieces + 1],
@@ -305,20 +338,17 @@ impl<'a> Solver<'a> {
             self.barrier = Barrier { weight, softness };
             let is_last = weight <= last && softness <= settings.last_softness;
             // A stage is done when Newton expects to gain less than the barrier's own size.
-            let enough = if is_last { 0.1 * weight } else { 0.5 * weight };
+            let enough = if is_last { settings.last_gain } else { settings.stage_gain } * weight * pieces;
             let mut value = self.value_at(&self.states, &self.theta);
-            loop {
-                if report.steps >= settings.max_steps {
-                    report.evaluations = self.evaluations;
-                    return report;
-                }
+            for _ in 0..settings.stage_steps {
                 report.steps += 1;
                 let Some(decrement) = self.newton() else {
                     report.evaluations = self.evaluations;
                     return report;
                 };
                 let reached = self.search(value, decrement);
-                let is_done = 0.5 * decrement <= enough || reached.is_none();
+                if std::env::var("TRACE").is_ok() { eprintln!("{} w {:.2e} s {:.1e} dec {:.3e} val {:.6} -> {:?} damp {:.2e} stheta {:.2e} minT {:.3}", report.steps, weight, softness, decrement, value, reached.map(|r| value-r), self.damping, self.step_theta.iter().fold(0.0f64,|m,x|m.max(x.abs())), self.theta.iter().fold(9.0f64,|m,x|m.min(x.exp()))); }
+                let is_done = (0.5 * decrement <= enough && self.damping < 2e-3) || reached.is_none();
                 if let Some(reached) = reached {
                     value = reached;
                 }
@@ -390,7 +420,7 @@ impl<'a> Solver<'a> {
                 let at = |r: usize| Linear::new(table[r], r as i32 + 1, &powers).value(ends);
                 let axis = ThrustAxis::new(airframe, &at(0), &at(1), &at(2));
                 for slack in self.rotor_slacks(&axis) {
-                    sum.add(barrier, slack);
+                    sum.add_near(barrier, slack);
                 }
             }
         }
@@ -409,7 +439,7 @@ impl<'a> Solver<'a> {
         let rate = self.limits.max_rate_radps * share;
         [
             axis.z.z - (self.limits.max_tilt_rad * share).cos(),
-            1.0 - axis.rate_squared() / (rate * rate),
+            RATE_EDGE - (axis.rate_squared() / (rate * rate) + 0.01).sqrt(),
             share - axis.thrust_n / self.limits.max_thrust_n,
             (axis.thrust_n - self.limits.min_thrust_n) / self.limits.max_thrust_n - self.tighten.rotors,
         ]
@@ -507,12 +537,15 @@ impl<'a> Solver<'a> {
             let zero = Vector3::zeros();
             let up = Vector3::z();
             for (k, slack) in slacks.iter().enumerate() {
-                let (first, second) = self.barrier.slopes(*slack);
+                if *slack >= NEAR {
+                    continue;
+                }
+                let (first, second) = self.barrier.slopes_near(*slack);
                 let by = match k {
                     0 => axis.reverse(airframe, 0.0, &up, &zero),
                     1 => {
                         let (by_z, by_dz) = axis.rate_squared_gradient();
-                        let scale = -1.0 / (rate * rate);
+                        let scale = -0.5 / (rate * rate * (RATE_EDGE - slack));
                         axis.reverse(airframe, 0.0, &(by_z * scale), &(by_dz * scale))
                     }
                     2 => axis.reverse(airframe, -1.0 / self.limits.max_thrust_n, &zero, &zero),
@@ -548,12 +581,12 @@ impl<'a> Solver<'a> {
         for i in 0..self.theta.len() {
             self.expand(i);
         }
-        self.damping = if self.damping < 1e-3 { 0.0 } else { 0.25 * self.damping };
+        self.damping = if self.damping < 4e-4 { 0.0 } else { 0.25 * self.damping };
         for _ in 0..30 {
             if self.factorise_and_solve() {
                 return Some(self.slope());
             }
-            self.damping = (4.0 * self.damping).max(1e-2);
+            self.damping = (4.0 * self.damping).max(1e-3);
         }
         None
     }
@@ -668,21 +701,34 @@ impl<'a> Solver<'a> {
     fn search(&mut self, value: f64, decrement: f64) -> Option<f64> {
         let longest = self.step_theta.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         let mut step = if longest > 0.7 { 0.7 / longest } else { 1.0 };
+        self.from_states.copy_from_slice(&self.states);
+        self.from_theta.copy_from_slice(&self.theta);
+        let mut best: Option<f64> = None;
         for _ in 0..40 {
             self.evaluations += 1;
-            for ((to, from), d) in self.trial_states.iter_mut().zip(&self.states).zip(&self.step_states) {
+            for ((to, from), d) in self.trial_states.iter_mut().zip(&self.from_states).zip(&self.step_states) {
                 for k in 0..3 {
                     to[k] = from[k] + d.fixed_rows::<3>(3 * k) * step;
                 }
             }
-            for ((to, from), d) in self.trial_theta.iter_mut().zip(&self.theta).zip(&self.step_theta) {
+            for ((to, from), d) in self.trial_theta.iter_mut().zip(&self.from_theta).zip(&self.step_theta) {
                 *to = from + d * step;
             }
             let reached = self.value_at(&self.trial_states, &self.trial_theta);
-            if reached <= value - 1e-4 * step * decrement {
+            if reached <= value - 1e-4 * step * decrement && best.is_none_or(|b| reached < b) {
                 std::mem::swap(&mut self.states, &mut self.trial_states);
                 std::mem::swap(&mut self.theta, &mut self.trial_theta);
-                return Some(reached);
+                // A quadratic would have lost half of the slope by now. Where it goes on falling, a longer step is better.
+                let is_straight = reached < value - 0.75 * step * decrement;
+                if !is_straight || step * longest >= 0.7 || (best.is_none() && step < 1.0) {
+                    return Some(reached);
+                }
+                best = Some(reached);
+                step *= 2.0;
+                continue;
+            }
+            if best.is_some() {
+                return best;
             }
             step *= 0.5;
         }
