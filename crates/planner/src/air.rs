@@ -3,8 +3,10 @@
 pub mod certificate;
 pub mod config;
 pub mod depth;
+pub mod diffeomorphism;
 pub mod flatness;
 pub mod interior;
+pub mod lbfgs;
 pub mod limits;
 pub mod controller;
 pub mod minco;

@@ -108,15 +108,7 @@ pub fn fly_corridor(
     limits.validate()?;
     let joints = check(start, goal, corridor, limits)?;
     // 1. One piece a polytope.
-    let split: usize = std::env::var("SPLIT").map_or(1, |s| s.parse().unwrap());
-    let split = if corridor.len() == 1 { split.max(2) } else { split };
-    let polytope_of: Vec<usize> = (0..corridor.len()).flat_map(|k| std::iter::repeat_n(k, split)).collect();
-    let mut all = vec![start[0]];
-    all.extend(&joints);
-    all.push(goal[0]);
-    let mut joints = Vec::new();
-    for w in all.windows(2) { for m in 1..=split { joints.push(w[0] + (w[1] - w[0]) * (m as f64 / split as f64)); } }
-    joints.pop();
+    let polytope_of: Vec<usize> = if corridor.len() == 1 { vec![0, 0] } else { (0..corridor.len()).collect() };
     let mut nodes = first_guess(start, goal, &joints, limits);
     let faces: Vec<&Polytope> = polytope_of.iter().map(|k| &corridor[*k]).collect();
     let mut tighten = Tighten { faces_m: 1e-5, motion: 1e-6, rotors: 1e-3 };
@@ -204,6 +196,9 @@ fn check(
         }
         joints.push(point);
         near = point;
+    }
+    if joints.is_empty() {
+        joints.push(0.5 * (start[0] + goal[0]));
     }
     Ok(joints)
 }

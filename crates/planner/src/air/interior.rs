@@ -351,7 +351,6 @@ impl<'a> Solver<'a> {
                     return report;
                 };
                 let reached = self.search(value, decrement);
-                if std::env::var("TRACE").is_ok() { eprintln!("{} w {:.2e} s {:.1e} dec {:.3e} val {:.6} -> {:?} damp {:.2e} stheta {:.2e} minT {:.3}", report.steps, weight, softness, decrement, value, reached.map(|r| value-r), self.damping, self.step_theta.iter().fold(0.0f64,|m,x|m.max(x.abs())), self.theta.iter().fold(9.0f64,|m,x|m.min(x.exp()))); }
                 let is_done = (0.5 * decrement <= enough && self.damping < 2e-3) || reached.is_none();
                 if let Some(reached) = reached {
                     value = reached;
