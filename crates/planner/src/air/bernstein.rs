@@ -23,16 +23,6 @@ impl QuinticPoints {
             jerk: points::<3>(coefficients, 3, duration_s),
         })
     }
-
-    /// The two halves in time.
-    pub fn halves(&self) -> (Self, Self) {
-        let (position, velocity) = (halves(&self.position), halves(&self.velocity));
-        let (acceleration, jerk) = (halves(&self.acceleration), halves(&self.jerk));
-        (
-            QuinticPoints { position: position.0, velocity: velocity.0, acceleration: acceleration.0, jerk: jerk.0 },
-            QuinticPoints { position: position.1, velocity: velocity.1, acceleration: acceleration.1, jerk: jerk.1 },
-        )
-    }
 }
 
 /// The k-th derivative as N Bernstein points: `b_i = sum_j C(i,j) / C(N-1,j) a_j` of the powers of `u = t / T`.
@@ -90,7 +80,8 @@ mod tests {
         let c: Vec<Vector3<f64>> =
             (0..6).map(|k| Vector3::new(f64::from(k) - 2.0, 0.5 * f64::from(k), 0.3 * f64::from(k * k))).collect();
         let whole = QuinticPoints::new(&c, 1.7).unwrap();
-        let (left, right) = whole.halves();
+        let (position, velocity) = (halves(&whole.position), halves(&whole.velocity));
+        let (acceleration, jerk) = (halves(&whole.acceleration), halves(&whole.jerk));
         let at = |k, t| derivative(&c, k, t);
         for (k, t, p) in [
             (0, 0.0, whole.position[0]),
@@ -98,11 +89,11 @@ mod tests {
             (1, 1.7, whole.velocity[4]),
             (2, 0.0, whole.acceleration[0]),
             (3, 1.7, whole.jerk[2]),
-            (0, 0.85, left.position[5]),
-            (0, 0.85, right.position[0]),
-            (1, 0.85, right.velocity[0]),
-            (2, 1.7, right.acceleration[3]),
-            (3, 0.85, left.jerk[2]),
+            (0, 0.85, position.0[5]),
+            (0, 0.85, position.1[0]),
+            (1, 0.85, velocity.1[0]),
+            (2, 1.7, acceleration.1[3]),
+            (3, 0.85, jerk.0[2]),
         ] {
             assert!((at(k, t) - p).norm() < 1e-9, "derivative {k} at {t}");
         }

@@ -9,6 +9,10 @@ use super::polytope::HalfSpace;
 
 /// Iterations; it converges in ten to twenty.
 const MAX_ITERATIONS: usize = 60;
+/// Complementarity at which the point is as deep as rounding lets it be, and at which it is deep enough where the
+/// factorisation fails first (m, in units of the multipliers, which sum to 1).
+const CLOSED: f64 = 1e-11;
+const NEARLY_CLOSED: f64 = 1e-6;
 /// Where the faces leave the point free, it is no deeper than this (m).
 const DEEPEST_M: f64 = 1e3;
 
@@ -34,11 +38,16 @@ pub fn deepest_point<'a>(
     let mut dual = vec![1.0 / count; rows.len()];
     let cost = Vector4::new(0.0, 0.0, 0.0, -1.0);
     let mut correction = vec![0.0; rows.len()];
-    for _ in 0..MAX_ITERATIONS {
+    for iteration in 0..=MAX_ITERATIONS {
         let gap = slack.iter().zip(&dual).map(|(s, z)| s * z).sum::<f64>() / count;
         let unmet = rows.iter().zip(&dual).fold(cost, |sum, ((n, _), z)| sum + n * *z);
-        if gap < 1e-12 && unmet.amax() < 1e-9 {
-            return Some((near + y.xyz(), y.w));
+        // The point itself is inside at every iteration: what is left open is only whether a deeper one exists.
+        let found = Some((near + y.xyz(), y.w));
+        if gap < CLOSED && unmet.amax() < 1e-7 {
+            return found;
+        }
+        if iteration == MAX_ITERATIONS {
+            return if gap < NEARLY_CLOSED && unmet.amax() < 1e-3 { found } else { None };
         }
         let mut matrix = Matrix4::zeros();
         for (((n, _), s), z) in rows.iter().zip(&slack).zip(&dual) {
@@ -46,7 +55,9 @@ pub fn deepest_point<'a>(
         }
         // Directions that no face bounds: a little of the identity keeps the point where it is.
         matrix += Matrix4::identity() * (1e-14 * matrix.trace());
-        let factor = matrix.cholesky()?;
+        let Some(factor) = matrix.cholesky() else {
+            return if gap < NEARLY_CLOSED && unmet.amax() < 1e-3 { found } else { None };
+        };
         // Mehrotra: first toward gap 0, then with the centring and the second-order term that this suggests.
         let mut target = 0.0;
         correction.fill(0.0);
@@ -92,4 +103,27 @@ pub fn deepest_point<'a>(
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::air::polytope::Polytope;
+    use nalgebra::Point3;
+
+    fn depth(low: [f64; 3], high: [f64; 3]) -> Option<(Vector3<f64>, f64)> {
+        let polytope = Polytope::from_box(&Point3::from(low), &Point3::from(high));
+        deepest_point(polytope.faces.iter(), &Vector3::new(7.0, -3.0, 2.0))
+    }
+
+    #[test]
+    fn depth_of_boxes() {
+        let (p, t) = depth([0.0; 3], [2.0, 4.0, 6.0]).unwrap();
+        assert!((t - 1.0).abs() < 1e-8 && (p.x - 1.0).abs() < 1e-8, "{p} {t}");
+        // Flat: a depth of zero. Inside out: negative by half the gap.
+        assert!(depth([0.0; 3], [2.0, 4.0, 0.0]).unwrap().1.abs() < 1e-8);
+        assert!((depth([0.0; 3], [2.0, 4.0, -1.0]).unwrap().1 + 0.5).abs() < 1e-8);
+        assert_eq!(depth([0.0; 3], [2.0, 4.0, f64::NAN]), None);
+        assert_eq!(deepest_point([].iter(), &Vector3::zeros()).map(|d| d.1.round()), Some(DEEPEST_M));
+    }
 }

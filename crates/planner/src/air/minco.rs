@@ -240,9 +240,18 @@ impl<const ORDER: usize> Minco<ORDER> {
     /// Gradient of the energy by points and durations. The derivatives at the points need no adjoint: the energy is
     /// stationary in them.
     pub fn energy_gradient(&self) -> MincoGradient {
+        let mut gradient = MincoGradient::default();
+        self.energy_gradient_into(&mut gradient);
+        gradient
+    }
+
+    /// The same into a buffer that is used again.
+    pub fn energy_gradient_into(&self, gradient: &mut MincoGradient) {
         let pieces = self.durations_s.len();
-        let mut inner_points = vec![Vector3::zeros(); pieces - 1];
-        let mut durations = Vec::with_capacity(pieces);
+        let MincoGradient { inner_points, durations } = gradient;
+        inner_points.clear();
+        inner_points.resize(pieces - 1, Vector3::zeros());
+        durations.clear();
         for i in 0..pieces {
             let (start, end) = (&self.states[i], &self.states[i + 1]);
             let (residual, by_duration) = self.stationarity(i);
@@ -259,7 +268,6 @@ impl<const ORDER: usize> Minco<ORDER> {
                 inner_points[i] += residual[1][0] * 2.0;
             }
         }
-        MincoGradient { inner_points, durations }
     }
 
     /// Half the gradient of the effort of piece `i` by the states at its start and end, and the derivative of that by its
@@ -403,16 +411,18 @@ fn powers<const ORDER: usize>(duration: f64) -> [f64; 8] {
 
 /// The integral of `|p^(s)|^2` over one piece of degree `2s - 1`.
 pub(crate) fn effort<const ORDER: usize>(coefficients: &[Vector3<f64>], duration_s: f64) -> f64 {
+    // sum_jk f_j f_k c_j . c_k T^(j+k+1-2s) / (j+k+1-2s), by powers.
     let mut sum = 0.0;
-    for j in ORDER..2 * ORDER {
-        for k in ORDER..2 * ORDER {
-            let power = j + k + 1 - 2 * ORDER;
-            sum += factor(j, ORDER)
-                * factor(k, ORDER)
-                * coefficients[j].dot(&coefficients[k])
-                * duration_s.powi(power as i32)
-                / power as f64;
+    let mut power = 1.0;
+    for total in 0..2 * ORDER - 1 {
+        power *= duration_s;
+        let mut part = 0.0;
+        for j in total.saturating_sub(ORDER - 1)..=total.min(ORDER - 1) {
+            let k = total - j;
+            part += factor(ORDER + j, ORDER) * factor(ORDER + k, ORDER)
+                * coefficients[ORDER + j].dot(&coefficients[ORDER + k]);
         }
+        sum += part * power / (total + 1) as f64;
     }
     sum
 }

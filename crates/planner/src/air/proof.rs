@@ -147,13 +147,7 @@ struct Motion {
 /// Bounds tilt, rate and thrust over an interval, halving it until they decide.
 fn rotors(motion: &Motion, airframe: &Airframe, limits: &FlightLimits, depth: u32, proof: &mut FlightProof) {
     let (bounds, middle) = rotor_bounds(motion, airframe);
-    let within = |b: &RotorBounds, room: f64| {
-        b.tilt <= limits.max_tilt_rad + room
-            && b.rate <= limits.max_rate_radps + room
-            && b.most <= limits.max_thrust_n + room
-            && b.least >= limits.min_thrust_n - room
-    };
-    if depth == 0 || within(&bounds, 0.0) || !within(&middle, PROOF_TOL) {
+    if depth == 0 || is_within(&bounds, limits, 0.0) || !is_within(&middle, limits, PROOF_TOL) {
         proof.max_tilt_rad = larger(proof.max_tilt_rad, bounds.tilt);
         proof.max_rate_radps = larger(proof.max_rate_radps, bounds.rate);
         proof.max_thrust_n = larger(proof.max_thrust_n, bounds.most);
@@ -163,6 +157,19 @@ fn rotors(motion: &Motion, airframe: &Airframe, limits: &FlightLimits, depth: u3
     let (v, a, j) = (halves(&motion.v), halves(&motion.a), halves(&motion.j));
     rotors(&Motion { v: v.0, a: a.0, j: j.0 }, airframe, limits, depth - 1, proof);
     rotors(&Motion { v: v.1, a: a.1, j: j.1 }, airframe, limits, depth - 1, proof);
+}
+
+/// Whether bounds over a whole piece already prove the limits of the rotors.
+pub(crate) fn rotors_within(points: &QuinticPoints, airframe: &Airframe, limits: &FlightLimits) -> bool {
+    let motion = Motion { v: points.velocity, a: points.acceleration, j: points.jerk };
+    is_within(&rotor_bounds(&motion, airframe).0, limits, 0.0)
+}
+
+fn is_within(b: &RotorBounds, limits: &FlightLimits, room: f64) -> bool {
+    b.tilt <= limits.max_tilt_rad + room
+        && b.rate <= limits.max_rate_radps + room
+        && b.most <= limits.max_thrust_n + room
+        && b.least >= limits.min_thrust_n - room
 }
 
 /// Bounds over an interval, or values at an instant.
