@@ -5,19 +5,22 @@
 
 mod coefficients;
 mod corridors;
+mod forest;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
+use arena::mission::planner::FlightLimits;
 use arena::progress::ProgressView;
 use arena::whole_file::write_whole;
 use clap::{Args, ValueEnum};
 use cpu_time::ThreadTime;
 use serde_json::{Value, json};
 
-use self::corridors::{Corridors, Outcome};
+use self::corridors::{Corridors, Outcome, Settings};
+use self::forest::Forest;
 
 /// Largest file that is read.
 const MAX_BYTES: u64 = 256 << 20;
@@ -34,11 +37,14 @@ enum Profile {
 /// Options of `plan-air`.
 #[derive(Debug, Args)]
 pub struct PlanAirOptions {
-    /// Corridors (polytopes, start, goal, limits)
+    /// Corridors (polytopes, start, goal, limits), or forests (boxes, start, goal)
     file: PathBuf,
     /// Which limits
     #[arg(long, value_enum, default_value_t = Profile::Nominal)]
     profile: Profile,
+    /// Corridors by convex programs only, durations from their multipliers: slower, every iterate feasible
+    #[arg(long)]
+    hard: bool,
     /// Threads over which the problems are spread; each problem is planned by one
     #[arg(long, default_value_t = 1, value_name = "N")]
     threads: usize,
@@ -60,8 +66,8 @@ pub struct PlanAirOptions {
 pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
     ensure!((1..=64).contains(&options.threads), "--threads must be between 1 and 64, not {}", options.threads);
     ensure!((1..=1000).contains(&options.repeats), "--repeats must be between 1 and 1000, not {}", options.repeats);
-    let file = Corridors::parse(&read(&options.file)?).with_context(|| options.file.display().to_string())?;
-    let limits = file.limits(options.profile == Profile::Agile);
+    let file = Problems::parse(&read(&options.file)?).with_context(|| options.file.display().to_string())?;
+    let limits = file.settings().limits(options.profile == Profile::Agile);
     let view = ProgressView::new(file.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len}", options.quiet);
     let done = AtomicU64::new(0);
     let outcomes = spread(file.len(), options.threads, |k| {
@@ -69,7 +75,7 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
         let mut outcome = None;
         for _ in 0..options.repeats {
             let start = ThreadTime::now();
-            let result = file.plan(k, &limits);
+            let result = file.plan(k, &limits, options.hard);
             runs.push(start.elapsed().as_secs_f64() * 1e3);
             outcome = Some(result);
         }
@@ -103,6 +109,52 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
         print_table(&rows, solved);
     }
     Ok(if solved == outcomes.len() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Either kind of file.
+enum Problems {
+    Corridors(Corridors),
+    Forest(Forest),
+}
+
+impl Problems {
+    /// A file with `meta.bounds` is one of forests.
+    fn parse(text: &str) -> Result<Self> {
+        #[derive(serde::Deserialize)]
+        struct Peek {
+            meta: Meta,
+        }
+        #[derive(serde::Deserialize)]
+        struct Meta {
+            bounds: Option<serde::de::IgnoredAny>,
+        }
+        let peek: Peek = serde_json::from_str(text).context("not a file of corridors or forests")?;
+        match peek.meta.bounds {
+            Some(_) => Forest::parse(text).map(Problems::Forest),
+            None => Corridors::parse(text).map(Problems::Corridors),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Problems::Corridors(file) => file.len(),
+            Problems::Forest(file) => file.len(),
+        }
+    }
+
+    fn settings(&self) -> &Settings {
+        match self {
+            Problems::Corridors(file) => file.settings(),
+            Problems::Forest(file) => file.settings(),
+        }
+    }
+
+    fn plan(&self, k: usize, limits: &FlightLimits, is_hard: bool) -> Outcome<'_> {
+        match self {
+            Problems::Corridors(file) => file.plan(k, limits, is_hard),
+            Problems::Forest(file) => file.plan(k, limits),
+        }
+    }
 }
 
 fn read(path: &std::path::Path) -> Result<String> {
@@ -140,7 +192,7 @@ fn median(values: &mut [f64]) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-fn row(outcome: &Outcome, ms: f64, proof_ms: f64, limits: &arena::mission::planner::FlightLimits) -> Value {
+fn row(outcome: &Outcome, ms: f64, proof_ms: f64, limits: &FlightLimits) -> Value {
     match &outcome.flight {
         Ok(flight) => {
             let v = flight.proof.violation(limits);
@@ -155,25 +207,9 @@ fn row(outcome: &Outcome, ms: f64, proof_ms: f64, limits: &arena::mission::plann
             })
         }
         Err(error) => json!({
-            "id": outcome.id, "status": status(error), "reason": error.to_string(), "cost": null, "energy": null,
+            "id": outcome.id, "status": error.status, "reason": error.reason, "cost": null, "energy": null,
             "time_s": null, "pieces": 0, "cpu_ms": ms, "cpu_ms_certificate": 0.0, "iterations": 0, "violation": null,
         }),
-    }
-}
-
-/// A word for programs; the sentence is the reason.
-fn status(error: &arena::mission::planner::CorridorError) -> &'static str {
-    use arena::mission::planner::CorridorError as E;
-    match error {
-        E::Limits(_) => "bad_limits",
-        E::BadPolytope { .. } => "bad_polytope",
-        E::Empty => "empty_corridor",
-        E::NotFinite => "not_finite",
-        E::StartOutside { .. } => "start_outside",
-        E::GoalOutside { .. } => "goal_outside",
-        E::TooFast { .. } => "too_fast",
-        E::NoOverlap { .. } => "no_overlap",
-        E::NotProved { .. } => "not_proved",
     }
 }
 

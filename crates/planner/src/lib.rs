@@ -71,6 +71,7 @@ pub use air::{
     corridor_flight::{CorridorError, CorridorFlight, fly_corridor},
     controller::{BodyState, GeometricController, ThrustTorque, slew_yaw},
     flatness::{Airframe, FlatGradient, FlatOutput},
+    hard::fly_corridor_hard,
     interior::InteriorSettings,
     limits::{BoundaryState, FlightLimits, LimitsError},
     minco::{Minco, MincoError, MincoGradient},
@@ -79,6 +80,8 @@ pub use air::{
     proof::{FlightProof, Violation, prove},
     stop::stop_trajectory,
     trajectory::{Piece, PolynomialTrajectory, TrajectoryPoint},
+    voxel_flight::{VoxelFlight, VoxelFlightError, fly_voxels},
+    voxel_map::{VoxelMap, VoxelMapError},
 };
 #[cfg(feature = "ground")]
 pub use ground::{

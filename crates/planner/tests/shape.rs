@@ -148,7 +148,14 @@ proptest! {
 /// Waypoints without a corridor: balls of 20 cm, one big box round everything.
 #[test]
 fn waypoints_are_passed_nearly_within_limits_and_bit_for_bit_again() {
-    let limits = FlightLimits { max_tilt_rad: 1.0, max_rate_radps: 2.1, min_thrust_n: 2.0, max_thrust_n: 12.0, ..limits() };
+    let limits = FlightLimits {
+        max_tilt_rad: 1.0,
+        max_rate_radps: 2.1,
+        min_thrust_n: 2.0,
+        max_thrust_n: 12.0,
+        time_weight: 100.0,
+        ..limits()
+    };
     let around = [Polytope::from_box(&Point3::new(-50.0, -50.0, -50.0), &Point3::new(50.0, 50.0, 50.0))];
     let centres = [Vector3::new(4.0, 0.0, 1.0), Vector3::new(4.0, 4.0, 2.0), Vector3::new(0.0, 4.0, 1.0)];
     let places = centres.map(|centre| Place::Ball { centre, radius_m: 0.2 });

@@ -1,9 +1,12 @@
 //! A file of corridors: limits and vehicle in `meta`, and problems of `polytopes` (rows nx, ny, nz, d with `n.x + d <= 0`),
 //! `start` and `goal`.
 
+use std::borrow::Cow;
+
 use anyhow::{Context, Result};
 use arena::mission::planner::{
-    Airframe, CorridorError, CorridorFlight, FlightLimits, HalfSpace, InteriorSettings, Polytope, fly_corridor, prove,
+    Airframe, CorridorError, CorridorFlight, FlightLimits, HalfSpace, InteriorSettings, Polytope, fly_corridor,
+    fly_corridor_hard, prove,
 };
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -16,18 +19,23 @@ const AGILE_TIME_WEIGHT: f64 = 500.0;
 
 #[derive(Debug, Deserialize)]
 struct File {
-    meta: Meta,
+    meta: Settings,
     problems: Vec<Problem>,
 }
 
+/// Limits, vehicle and weights; what is not said is the usual.
 #[derive(Debug, Deserialize)]
-struct Meta {
+pub struct Settings {
+    #[serde(default)]
     limits: Limits,
+    #[serde(default)]
     vehicle: Vehicle,
+    #[serde(default)]
     weights: Weights,
 }
 
 #[derive(Debug, Deserialize)]
+#[serde(default)]
 struct Limits {
     v_max: f64,
     omega_max: f64,
@@ -37,6 +45,7 @@ struct Limits {
 }
 
 #[derive(Debug, Deserialize)]
+#[serde(default)]
 struct Vehicle {
     mass: f64,
     g: f64,
@@ -47,8 +56,27 @@ struct Vehicle {
 }
 
 #[derive(Debug, Deserialize)]
+#[serde(default)]
 struct Weights {
     rho_time: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { v_max: 4.0, omega_max: 2.1, tilt_max: 1.05, thrust_min: 2.0, thrust_max: 12.0 }
+    }
+}
+
+impl Default for Vehicle {
+    fn default() -> Self {
+        Vehicle { mass: 0.61, g: 9.8, drag_h: 0.7, drag_v: 0.8, drag_parasitic: 0.01, speed_eps: 1e-4 }
+    }
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Weights { rho_time: 20.0 }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -68,22 +96,76 @@ struct State {
 
 /// A parsed file.
 pub struct Corridors {
-    meta: Meta,
+    meta: Settings,
     problems: Vec<(Problem, Vec<Polytope>)>,
 }
 
 /// What came of one problem.
 pub struct Outcome<'a> {
     pub id: &'a str,
-    pub corridor: &'a [Polytope],
-    pub flight: Result<CorridorFlight, CorridorError>,
+    pub corridor: Cow<'a, [Polytope]>,
+    pub flight: Result<CorridorFlight, Refusal>,
+}
+
+/// Why there is no flight.
+pub struct Refusal {
+    /// A word for programs.
+    pub status: &'static str,
+    /// A sentence for people.
+    pub reason: String,
+}
+
+impl Refusal {
+    pub fn of(error: &CorridorError) -> Self {
+        let status = match error {
+            CorridorError::Limits(_) => "bad_limits",
+            CorridorError::BadPolytope { .. } => "bad_polytope",
+            CorridorError::Empty => "empty_corridor",
+            CorridorError::NotFinite => "not_finite",
+            CorridorError::StartOutside { .. } => "start_outside",
+            CorridorError::GoalOutside { .. } => "goal_outside",
+            CorridorError::TooFast { .. } => "too_fast",
+            CorridorError::NoOverlap { .. } => "no_overlap",
+            CorridorError::NotProved { .. } => "not_proved",
+        };
+        Refusal { status, reason: error.to_string() }
+    }
+
+    /// Not planned yet.
+    pub fn none() -> Self {
+        Refusal { status: "not_planned", reason: String::new() }
+    }
+}
+
+impl Settings {
+    pub fn limits(&self, is_agile: bool) -> FlightLimits {
+        let Settings { limits, vehicle, weights } = self;
+        FlightLimits {
+            max_speed_mps: if is_agile { AGILE_SPEED_MPS } else { limits.v_max },
+            max_accel_mps2: f64::INFINITY,
+            airframe: Some(Airframe {
+                mass_kg: vehicle.mass,
+                gravity_mps2: vehicle.g,
+                drag_across: vehicle.drag_h,
+                drag_along: vehicle.drag_v,
+                drag_parasitic: vehicle.drag_parasitic,
+                speed_epsilon: vehicle.speed_eps,
+            }),
+            max_tilt_rad: limits.tilt_max,
+            max_rate_radps: limits.omega_max,
+            min_thrust_n: limits.thrust_min,
+            max_thrust_n: limits.thrust_max,
+            min_duration_s: DURATION_FLOOR_S,
+            time_weight: if is_agile { AGILE_TIME_WEIGHT } else { weights.rho_time },
+        }
+    }
 }
 
 impl Outcome<'_> {
     /// The proof once more, to be timed.
     pub fn prove_again(&self, limits: &FlightLimits) -> bool {
         let Ok(flight) = &self.flight else { return false };
-        std::hint::black_box(prove(&flight.trajectory, self.corridor, &flight.polytope_of, limits)).holds
+        std::hint::black_box(prove(&flight.trajectory, &self.corridor, &flight.polytope_of, limits)).holds
     }
 }
 
@@ -104,34 +186,21 @@ impl Corridors {
         self.problems.len()
     }
 
-    pub fn limits(&self, is_agile: bool) -> FlightLimits {
-        let Meta { limits, vehicle, weights } = &self.meta;
-        FlightLimits {
-            max_speed_mps: if is_agile { AGILE_SPEED_MPS } else { limits.v_max },
-            max_accel_mps2: f64::INFINITY,
-            airframe: Some(Airframe {
-                mass_kg: vehicle.mass,
-                gravity_mps2: vehicle.g,
-                drag_across: vehicle.drag_h,
-                drag_along: vehicle.drag_v,
-                drag_parasitic: vehicle.drag_parasitic,
-                speed_epsilon: vehicle.speed_eps,
-            }),
-            max_tilt_rad: limits.tilt_max,
-            max_rate_radps: limits.omega_max,
-            min_thrust_n: limits.thrust_min,
-            max_thrust_n: limits.thrust_max,
-            min_duration_s: DURATION_FLOOR_S,
-            time_weight: if is_agile { AGILE_TIME_WEIGHT } else { weights.rho_time },
-        }
+    pub fn settings(&self) -> &Settings {
+        &self.meta
     }
 
-    pub fn plan(&self, k: usize, limits: &FlightLimits) -> Outcome<'_> {
+    pub fn plan(&self, k: usize, limits: &FlightLimits, is_hard: bool) -> Outcome<'_> {
         let (problem, corridor) = &self.problems[k];
         let state = |s: &State| [Vector3::from(s.p), Vector3::from(s.v), Vector3::from(s.a)];
-        let flight =
-            fly_corridor(&state(&problem.start), &state(&problem.goal), corridor, limits, &InteriorSettings::default());
-        Outcome { id: &problem.id, corridor, flight }
+        let (start, goal) = (state(&problem.start), state(&problem.goal));
+        let flight = if is_hard {
+            fly_corridor_hard(&start, &goal, corridor, limits)
+        } else {
+            fly_corridor(&start, &goal, corridor, limits, &InteriorSettings::default())
+        };
+        let flight = flight.map_err(|error| Refusal::of(&error));
+        Outcome { id: &problem.id, corridor: Cow::Borrowed(corridor), flight }
     }
 }
 

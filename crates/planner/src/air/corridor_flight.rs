@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 
 use super::depth::deepest_point;
-use super::interior::{InteriorReport, InteriorSettings, Nodes, Tighten, optimise};
+use super::interior::{InteriorSettings, Nodes, Tighten, optimise};
 use super::limits::{BoundaryState, FlightLimits, LimitsError};
+use super::minco::effort;
 use super::polytope::Polytope;
-use super::proof::{FlightProof, prove};
+use super::proof::{FlightProof, Violation, prove};
 use super::trajectory::{Piece, PolynomialTrajectory};
 
 /// Two polytopes that overlap by less are not passed (m).
@@ -94,7 +95,8 @@ pub enum CorridorError {
 /// Rounds of tightening limits that the proof found exceeded between samples.
 const ROUNDS: usize = 6;
 
-/// Plans from `start` to `goal` through all polytopes in order, one piece in each (two if there is only one).
+/// Plans from `start` to `goal` through all polytopes in order, one piece in each (two if there is only one). Where the
+/// barrier finds nothing that can be proved, the convex programs of [`super::hard`] are asked.
 ///
 /// # Errors
 /// [`CorridorError`]. A flight that is not proved is never returned.
@@ -106,53 +108,82 @@ pub fn fly_corridor(
     settings: &InteriorSettings,
 ) -> Result<CorridorFlight, CorridorError> {
     limits.validate()?;
+    // 1. What cannot be flown is refused; a deep point of every overlap is where to begin.
     let joints = check(start, goal, corridor, limits)?;
-    // 1. One piece a polytope.
-    let polytope_of: Vec<usize> = if corridor.len() == 1 { vec![0, 0] } else { (0..corridor.len()).collect() };
     let mut nodes = first_guess(start, goal, &joints, limits);
+    let polytope_of = pieces_of(corridor);
     let faces: Vec<&Polytope> = polytope_of.iter().map(|k| &corridor[*k]).collect();
-    let mut tighten = Tighten { faces_m: 1e-5, motion: 1e-6, rotors: 1e-3 };
+    let mut tighten = FIRST_TIGHTEN;
+    let mut settings = *settings;
     let mut steps = 0;
-    let mut missed = None;
-    for round in 0..ROUNDS {
-        let again = InteriorSettings {
-            first_weight: if round == 0 { settings.first_weight } else { 100.0 * settings.last_weight },
-            first_softness: if round == 0 { settings.first_softness } else { 1e-3 },
-            ..*settings
-        };
+    for _ in 0..ROUNDS {
         // 2. The barrier.
-        let report: InteriorReport = optimise(&mut nodes, &faces, limits, tighten, &again);
-        steps += report.steps;
+        steps += optimise(&mut nodes, &faces, limits, tighten, &settings).steps;
         // 3. The proof.
-        let trajectory = trajectory_of(&nodes);
-        let proof = prove(&trajectory, corridor, &polytope_of, limits);
-        if proof.holds {
-            let effort = trajectory.pieces.iter().map(|p| super::minco::effort::<3>(&p.coefficients, p.duration_s)).sum();
-            let cost = effort + limits.time_weight * trajectory.duration();
-            return Ok(CorridorFlight { trajectory, polytope_of, effort, cost, proof, steps });
+        let flight = corridor_flight(&nodes, corridor, &polytope_of, limits);
+        if flight.proof.holds {
+            return Ok(CorridorFlight { steps, ..flight });
         }
-        let v = proof.violation(limits);
-        let shares = [v.tilt_rad / limits.max_tilt_rad, v.rate_radps / limits.max_rate_radps, v.thrust_n / limits.max_thrust_n];
-        tighten.rotors += 1.5 * shares.into_iter().fold(0.0, f64::max).min(0.05);
-        tighten.faces_m += 1.5 * v.corridor_m.min(0.01);
-        tighten.motion += 1.5 * (v.speed_mps / limits.max_speed_mps).min(0.02);
-        missed = [
-            ("the corridor", v.corridor_m),
-            ("the speed limit", v.speed_mps),
-            ("the acceleration limit", v.accel_mps2),
-            ("the tilt limit", v.tilt_rad),
-            ("the thrust limits", v.thrust_n),
-            ("the rate limit", v.rate_radps),
-        ]
-        .into_iter()
-        .find(|m| m.1 != 0.0);
+        // 4. What lies beyond a limit between samples is taken off it, and the barrier set up again close by.
+        tighten = tighten.after(&flight.proof.violation(limits), limits);
+        settings.first_weight = 100.0 * settings.last_weight;
+        settings.first_softness = 1e-3;
     }
-    let (limit, excess) = missed.unwrap_or(("every limit", 0.0));
-    Err(CorridorError::NotProved { limit, excess })
+    super::hard::fly_corridor_hard(start, goal, corridor, limits)
+}
+
+/// Room for rounding at faces and polynomial limits, and for what lies between the samples of the rotor limits.
+const FIRST_TIGHTEN: Tighten = Tighten { faces_m: 1e-5, motion: 1e-6, rotors: 1e-3 };
+
+impl Tighten {
+    /// Half as much again as was exceeded, within reason.
+    fn after(self, v: &Violation, limits: &FlightLimits) -> Self {
+        let shares =
+            [v.tilt_rad / limits.max_tilt_rad, v.rate_radps / limits.max_rate_radps, v.thrust_n / limits.max_thrust_n];
+        Tighten {
+            faces_m: self.faces_m + 1.5 * v.corridor_m.min(0.01),
+            motion: self.motion + 1.5 * (v.speed_mps / limits.max_speed_mps).min(0.02),
+            rotors: self.rotors + 1.5 * shares.into_iter().fold(0.0, f64::max).min(0.05),
+        }
+    }
+}
+
+/// Per piece: its polytope.
+pub(crate) fn pieces_of(corridor: &[Polytope]) -> Vec<usize> {
+    if corridor.len() == 1 { vec![0, 0] } else { (0..corridor.len()).collect() }
+}
+
+/// The flight along nodes, with its proof, which may fail.
+pub(crate) fn corridor_flight(
+    nodes: &Nodes,
+    corridor: &[Polytope],
+    polytope_of: &[usize],
+    limits: &FlightLimits,
+) -> CorridorFlight {
+    let trajectory = trajectory_of(nodes);
+    let proof = prove(&trajectory, corridor, polytope_of, limits);
+    let effort = trajectory.pieces.iter().map(|p| effort::<3>(&p.coefficients, p.duration_s)).sum();
+    let cost = effort + limits.time_weight * trajectory.duration();
+    CorridorFlight { trajectory, polytope_of: polytope_of.to_vec(), effort, cost, proof, steps: 0 }
+}
+
+/// The first limit that a proof misses.
+pub(crate) fn shortfall(proof: &FlightProof, limits: &FlightLimits) -> CorridorError {
+    let v = proof.violation(limits);
+    let all = [
+        ("the corridor", v.corridor_m),
+        ("the speed limit", v.speed_mps),
+        ("the acceleration limit", v.accel_mps2),
+        ("the tilt limit", v.tilt_rad),
+        ("the thrust limits", v.thrust_n),
+        ("the rate limit", v.rate_radps),
+    ];
+    let (limit, excess) = all.into_iter().find(|m| m.1 != 0.0).unwrap_or(("every limit", 0.0));
+    CorridorError::NotProved { limit, excess }
 }
 
 /// Refuses what cannot be flown; returns a deep point of every overlap.
-fn check(
+pub(crate) fn check(
     start: &BoundaryState,
     goal: &BoundaryState,
     corridor: &[Polytope],
@@ -204,7 +235,7 @@ fn check(
 }
 
 /// Straight through the joints at a part of the speed limit.
-fn first_guess(start: &BoundaryState, goal: &BoundaryState, joints: &[Vector3<f64>], limits: &FlightLimits) -> Nodes {
+pub(crate) fn first_guess(start: &BoundaryState, goal: &BoundaryState, joints: &[Vector3<f64>], limits: &FlightLimits) -> Nodes {
     let mut states = vec![*start];
     states.extend(joints.iter().map(|p| [*p, Vector3::zeros(), Vector3::zeros()]));
     states.push(*goal);

@@ -151,14 +151,14 @@ impl Linear {
 }
 
 /// Bernstein points of the position that one piece answers for beside its ends, at T = 1.
-const POSITION: [[f64; 6]; 4] = [
+pub(crate) const POSITION: [[f64; 6]; 4] = [
     [1.0, 0.2, 0.0, 0.0, 0.0, 0.0],
     [1.0, 0.4, 0.05, 0.0, 0.0, 0.0],
     [0.0, 0.0, 0.0, 1.0, -0.4, 0.05],
     [0.0, 0.0, 0.0, 1.0, -0.2, 0.0],
 ];
-/// Of the velocity: 5 (P_k+1 - P_k) / T.
-const VELOCITY: [[f64; 6]; 7] = [
+/// Of the velocity, 5 (P_k+1 - P_k) / T, on the two halves of the piece (de Casteljau), but for its very ends: a tighter hull.
+pub(crate) const VELOCITY_HULL: [[f64; 6]; 7] = [
     [0.0, 1.0, 0.125, 0.0, 0.0, 0.0],
     [-1.25, 0.25, 0.0625, 1.25, -0.5, 0.0625],
     [-1.875, -0.25, 0.0, 1.875, -0.625, 0.0625],
@@ -168,8 +168,15 @@ const VELOCITY: [[f64; 6]; 7] = [
     [0.0, 0.0, 0.0, 0.0, 1.0, -0.125],
 ];
 /// Of the acceleration: 20 (P_k+2 - 2 P_k+1 + P_k) / T^2.
-const ACCELERATION: [[f64; 6]; 2] =
+pub(crate) const ACCELERATION: [[f64; 6]; 2] =
     [[-20.0, -12.0, -2.0, 20.0, -8.0, 1.0], [20.0, 8.0, 1.0, -20.0, 12.0, -2.0]];
+
+/// Of the jerk: 60 (P_k+3 - 3 P_k+2 + 3 P_k+1 - P_k) / T^3.
+pub(crate) const JERK: [[f64; 6]; 3] = [
+    [-60.0, -36.0, -9.0, 60.0, -24.0, 3.0],
+    [120.0, 60.0, 9.0, -120.0, 60.0, -9.0],
+    [-60.0, -24.0, -3.0, 60.0, -36.0, 9.0],
+];
 
 /// Gradient and Hessian of one piece.
 #[derive(Debug, Clone)]
@@ -403,7 +410,7 @@ impl<'a> Solver<'a> {
             inside(&ends[3]);
         }
         let speed = self.motion_scale(self.limits.max_speed_mps);
-        for unit in &VELOCITY {
+        for unit in &VELOCITY_HULL {
             sum.add(barrier, 1.0 - Linear::new(*unit, 1, &powers).value(ends).norm_squared() * speed);
         }
         if i > 0 {
@@ -507,7 +514,7 @@ impl<'a> Solver<'a> {
             local.add(&vector, &ends, &gradient, &hessian);
         };
         let speed = self.motion_scale(self.limits.max_speed_mps);
-        for unit in &VELOCITY {
+        for unit in &VELOCITY_HULL {
             ball(Linear::new(*unit, 1, &powers), speed);
         }
         if i > 0 {
@@ -757,7 +764,7 @@ fn powers(duration: f64) -> [f64; 8] {
 }
 
 /// Entry of the quadratic form of the effort between two of the six vectors, at T = 1.
-fn effort_entry(a: usize, b: usize) -> f64 {
+pub(crate) fn effort_entry(a: usize, b: usize) -> f64 {
     match (a / 3, b / 3) {
         (0, 0) => Hermite::<3>::START_START[a][b],
         (1, 1) => Hermite::<3>::END_END[a - 3][b - 3],
