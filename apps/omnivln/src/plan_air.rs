@@ -96,7 +96,8 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
         let text = serde_json::to_string(&coefficients::dump(outcomes.iter().map(|o| &o.0)))?;
         write_whole(path, |out| out.write_all(text.as_bytes()))?;
     }
-    let rows: Vec<Value> = outcomes.iter().map(|(outcome, ms, proof_ms)| row(outcome, *ms, *proof_ms, &limits)).collect();
+    let rows: Vec<Value> =
+        outcomes.iter().map(|(outcome, ms, proof_ms)| row(outcome, *ms, *proof_ms, &limits)).collect();
     if options.json {
         let summary = json!({
             "profile": match options.profile { Profile::Nominal => "nominal", Profile::Agile => "agile" },
@@ -214,7 +215,16 @@ fn row(outcome: &Outcome, ms: f64, proof_ms: f64, limits: &FlightLimits) -> Valu
 }
 
 fn print_table(rows: &[Value], solved: usize) {
-    arena::say!("{:<22} {:>8} {:>9} {:>8} {:>6} {:>8} {:>6}", "id", "status", "cost", "time s", "pieces", "cpu ms", "steps");
+    arena::say!(
+        "{:<22} {:>8} {:>9} {:>8} {:>6} {:>8} {:>6}",
+        "id",
+        "status",
+        "cost",
+        "time s",
+        "pieces",
+        "cpu ms",
+        "steps"
+    );
     for row in rows {
         let number = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
         arena::say!(

@@ -2,6 +2,7 @@
 
 pub mod certificate;
 pub mod config;
+pub mod controller;
 pub mod depth;
 pub mod diffeomorphism;
 pub mod ellipsoid;
@@ -10,7 +11,6 @@ pub mod hard;
 pub mod interior;
 pub mod lbfgs;
 pub mod limits;
-pub mod controller;
 pub mod minco;
 pub mod mixer;
 pub mod penalty;
@@ -26,8 +26,8 @@ pub mod voxel_flight;
 pub mod voxel_map;
 
 pub(crate) mod bernstein;
-pub mod corridor_flight;
 pub(crate) mod corridor;
+pub mod corridor_flight;
 pub(crate) mod guide;
 pub(crate) mod hermite;
 pub(crate) mod hermite_program;

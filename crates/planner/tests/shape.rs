@@ -58,7 +58,8 @@ fn flatness_equals_the_stored_vectors() {
         };
         let (v, a, j) = (three("vel"), three("acc"), three("jerk"));
         let out = airframe.demand(&v, &a, &j, number("yaw"), number("yaw_rate"));
-        let g = airframe.demand_reverse(&v, &a, &j, number("yaw"), number("g_thrust"), &four("g_quat"), &three("g_omega"));
+        let g =
+            airframe.demand_reverse(&v, &a, &j, number("yaw"), number("g_thrust"), &four("g_quat"), &three("g_omega"));
         let relative = |difference: f64, size: f64| difference / size.max(1.0);
         worst = worst
             .max(relative((out.thrust_n - number("thrust")).abs(), number("thrust").abs()))

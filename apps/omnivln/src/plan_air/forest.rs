@@ -44,7 +44,11 @@ const MOST_ROUNDS: usize = 100;
 impl Forest {
     pub fn parse(text: &str) -> Result<Self> {
         let File { meta, problems } = serde_json::from_str(text).context("not a file of forests")?;
-        ensure!(meta.dilate_voxels <= MOST_ROUNDS, "meta.dilate_voxels: at most {MOST_ROUNDS}, not {}", meta.dilate_voxels);
+        ensure!(
+            meta.dilate_voxels <= MOST_ROUNDS,
+            "meta.dilate_voxels: at most {MOST_ROUNDS}, not {}",
+            meta.dilate_voxels
+        );
         VoxelMap::free(&low(&meta.bounds), &high(&meta.bounds), meta.voxel).context("meta.bounds, meta.voxel")?;
         Ok(Forest { meta, problems })
     }

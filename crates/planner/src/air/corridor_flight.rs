@@ -235,7 +235,12 @@ pub(crate) fn check(
 }
 
 /// Straight through the joints at a part of the speed limit.
-pub(crate) fn first_guess(start: &BoundaryState, goal: &BoundaryState, joints: &[Vector3<f64>], limits: &FlightLimits) -> Nodes {
+pub(crate) fn first_guess(
+    start: &BoundaryState,
+    goal: &BoundaryState,
+    joints: &[Vector3<f64>],
+    limits: &FlightLimits,
+) -> Nodes {
     let mut states = vec![*start];
     states.extend(joints.iter().map(|p| [*p, Vector3::zeros(), Vector3::zeros()]));
     states.push(*goal);

@@ -47,13 +47,13 @@ pub fn hull_gradient(vertices: &[Vector3<f64>], xi: &[f64], by_point: &Vector3<f
     }
 }
 
-/// Free numbers of a point of the hull: weights by cyclic projection, which comes near it but need not hit it.
+/// Free numbers of a point of the hull, nearly: no weight is exactly zero, where the map has no slope.
 pub fn hull_inverse(vertices: &[Vector3<f64>], point: &Vector3<f64>, xi: &mut [f64]) {
     let n = vertices.len();
     let mut weights = vec![1.0 / n as f64; n];
     let mut q = vertices.iter().fold(Vector3::zeros(), |s, v| s + v / n as f64);
     // Frank-Wolfe with away steps: toward the vertex that helps most, or away from the one that hurts most.
-    for _ in 0..200 {
+    for _ in 0..2000 {
         let left = point - q;
         if left.norm() < 1e-9 {
             break;
@@ -82,7 +82,6 @@ pub fn hull_inverse(vertices: &[Vector3<f64>], point: &Vector3<f64>, xi: &mut [f
         q += way * share;
     }
     for k in 0..n - 1 {
-        // Nothing at exactly zero: there the map has no slope.
         xi[k] = weights[k + 1].max(1e-4).sqrt();
     }
     xi[n - 1] = weights[0].max(1e-4).sqrt();

@@ -167,12 +167,8 @@ impl Airframe {
             axis.twist() + yaw_rate,
         );
         let (t, half) = (tilt(&z), (0.5 * yaw).sin_cos());
-        let attitude = Quaternion::new(
-            t.0 * half.1,
-            t.1 * half.1 + t.2 * half.0,
-            t.2 * half.1 - t.1 * half.0,
-            t.0 * half.0,
-        );
+        let attitude =
+            Quaternion::new(t.0 * half.1, t.1 * half.1 + t.2 * half.0, t.2 * half.1 - t.1 * half.0, t.0 * half.0);
         FlatOutput { thrust_n: axis.thrust_n, attitude, body_rate_radps }
     }
 
@@ -216,8 +212,7 @@ impl Airframe {
         let t = tilt(&z);
         let g = by_attitude;
         let by_t = (g.w * c + g.k * s, g.i * c - g.j * s, g.i * s + g.j * c);
-        by_yaw += 0.5
-            * (g.w * (-t.0 * s) + g.i * (t.2 * c - t.1 * s) + g.j * (-t.2 * s - t.1 * c) + g.k * (t.0 * c));
+        by_yaw += 0.5 * (g.w * (-t.0 * s) + g.i * (t.2 * c - t.1 * s) + g.j * (-t.2 * s - t.1 * c) + g.k * (t.0 * c));
         // t0 = sqrt((1 + z.z) / 2), t1 = -z.y / (2 t0), t2 = z.x / (2 t0).
         let half_over = 0.5 / t.0;
         let by_t0 = by_t.0 - (by_t.1 * t.1 + by_t.2 * t.2) / t.0;

@@ -3,7 +3,9 @@
 //! Durations are stretched until a program is feasible, then shortened by descent along the multipliers' derivative
 //! ([`super::hermite_program`]), and stretched again if the proof asks for it (drag).
 
-use super::corridor_flight::{CorridorError, CorridorFlight, check, corridor_flight, first_guess, pieces_of, shortfall};
+use super::corridor_flight::{
+    CorridorError, CorridorFlight, check, corridor_flight, first_guess, pieces_of, shortfall,
+};
 use super::hermite_program::best_nodes;
 use super::lbfgs::{LbfgsSettings, minimise};
 use super::limits::{BoundaryState, FlightLimits};
@@ -51,7 +53,10 @@ pub fn fly_corridor_hard(
     while solve(&durations_s).is_none() {
         round += 1;
         if round == STRETCH_ROUNDS {
-            return Err(CorridorError::NotProved { limit: "the corridor with any durations tried", excess: f64::INFINITY });
+            return Err(CorridorError::NotProved {
+                limit: "the corridor with any durations tried",
+                excess: f64::INFINITY,
+            });
         }
         durations_s.iter_mut().for_each(|t| *t *= STRETCH);
     }

@@ -123,9 +123,7 @@ pub(crate) fn best_nodes(
     let x = &solver.solution.x;
     let mut states = vec![*start];
     for node in 1..pieces {
-        states.push(std::array::from_fn(|k| {
-            Vector3::from_fn(|axis, _| x[column(node, k, axis)] * scale(k))
-        }));
+        states.push(std::array::from_fn(|k| Vector3::from_fn(|axis, _| x[column(node, k, axis)] * scale(k))));
     }
     states.push(*goal);
     // Envelope: d/dtheta of effort + z . (A x - b), with the nodes and the multipliers as they are.
@@ -135,9 +133,8 @@ pub(crate) fn best_nodes(
         for first in 0..6 {
             for second in 0..6 {
                 let power = (first % 3 + second % 3) as i32 - 5;
-                let term = effort_entry(first, second)
-                    * t.powi(power)
-                    * vector(piece, first).dot(&vector(piece, second));
+                let term =
+                    effort_entry(first, second) * t.powi(power) * vector(piece, first).dot(&vector(piece, second));
                 effort += term;
                 by[piece] += f64::from(power) * term;
             }
@@ -154,11 +151,7 @@ pub(crate) fn best_nodes(
             by[row.piece] += z * size * f64::from(power + row.scale_power) * c * value;
         }
     }
-    Some(ProgramSolution {
-        nodes: Nodes { states, durations_s: durations_s.to_vec() },
-        effort,
-        by_log_duration: by,
-    })
+    Some(ProgramSolution { nodes: Nodes { states, durations_s: durations_s.to_vec() }, effort, by_log_duration: by })
 }
 
 /// All rows `constant - weight . vector`, and the cones they lie in.

@@ -86,8 +86,7 @@ impl FlightLimits {
         if self.max_tilt_rad >= std::f64::consts::FRAC_PI_2 {
             return Err(LimitsError::TiltTooLarge { max_tilt_rad: self.max_tilt_rad });
         }
-        let (hover_n, min_n, max_n) =
-            (airframe.mass_kg * airframe.gravity_mps2, self.min_thrust_n, self.max_thrust_n);
+        let (hover_n, min_n, max_n) = (airframe.mass_kg * airframe.gravity_mps2, self.min_thrust_n, self.max_thrust_n);
         if !(min_n < hover_n && hover_n < max_n) {
             return Err(LimitsError::CannotHover { hover_n, min_n, max_n });
         }

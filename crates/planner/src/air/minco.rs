@@ -419,7 +419,8 @@ pub(crate) fn effort<const ORDER: usize>(coefficients: &[Vector3<f64>], duration
         let mut part = 0.0;
         for j in total.saturating_sub(ORDER - 1)..=total.min(ORDER - 1) {
             let k = total - j;
-            part += factor(ORDER + j, ORDER) * factor(ORDER + k, ORDER)
+            part += factor(ORDER + j, ORDER)
+                * factor(ORDER + k, ORDER)
                 * coefficients[ORDER + j].dot(&coefficients[ORDER + k]);
         }
         sum += part * power / (total + 1) as f64;

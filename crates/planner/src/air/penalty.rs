@@ -176,11 +176,16 @@ impl<'a> PenalisedSpline<'a> {
                 slopes[1] += v * (2.0 * self.weights.speed * slope);
             }
             if let Some(airframe) = &airframe {
-                penalty += rotor_penalty(&ThrustAxis::new(airframe, &v, &a, &j), self.limits, &self.weights, |z, dz, f, axis| {
-                    for (slope, part) in slopes[1..].iter_mut().zip(axis.reverse(airframe, f, &z, &dz)) {
-                        *slope += part;
-                    }
-                });
+                penalty += rotor_penalty(
+                    &ThrustAxis::new(airframe, &v, &a, &j),
+                    self.limits,
+                    &self.weights,
+                    |z, dz, f, axis| {
+                        for (slope, part) in slopes[1..].iter_mut().zip(axis.reverse(airframe, f, &z, &dz)) {
+                            *slope += part;
+                        }
+                    },
+                );
             }
             if penalty == 0.0 {
                 continue;

@@ -185,12 +185,7 @@ fn rotor_bounds(motion: &Motion, airframe: &Airframe) -> (RotorBounds, RotorBoun
     let ((v, v_r), (a, a_r), (j, j_r)) = (ball(&motion.v), ball(&motion.a), ball(&motion.j));
     let axis = ThrustAxis::new(airframe, &v, &a, &j);
     let tilt = axis.z.xy().norm().atan2(axis.z.z);
-    let value = RotorBounds {
-        tilt,
-        rate: axis.rate_squared().sqrt(),
-        least: axis.thrust_n,
-        most: axis.thrust_n,
-    };
+    let value = RotorBounds { tilt, rate: axis.rate_squared().sqrt(), least: axis.thrust_n, most: axis.thrust_n };
     let (cp, over_mass) = (airframe.drag_parasitic, airframe.drag_across / airframe.mass_kg);
     // w(v) = v (1 + cp s) and its derivative D: |D| <= 1 + 2 cp s; D changes by at most 4 cp |dv|.
     let fastest = ((v.norm() + v_r).powi(2) + airframe.speed_epsilon).sqrt();
@@ -219,7 +214,12 @@ fn rotor_bounds(motion: &Motion, airframe: &Airframe) -> (RotorBounds, RotorBoun
     // The twist is z_xy / (1 + z_z) x dz_xy; the first factor is the stereographic image of z, of slope 1 / (1 + z_z).
     let steepest = tilt + angle;
     if steepest >= std::f64::consts::PI {
-        let bounds = RotorBounds { tilt: steepest, rate: f64::INFINITY, least: value.least - thrust_r, most: value.most + thrust_r };
+        let bounds = RotorBounds {
+            tilt: steepest,
+            rate: f64::INFINITY,
+            least: value.least - thrust_r,
+            most: value.most + thrust_r,
+        };
         return (bounds, value);
     }
     let image = (0.5 * tilt).tan();

@@ -109,7 +109,12 @@ fn order(p: &Vector3<f64>, q: &Vector3<f64>) -> std::cmp::Ordering {
 }
 
 /// The point of a cube nearest to the centre in the metric of the ellipsoid, by a few rounds over the axes.
-fn nearest_in_cube(voxel: &Vector3<f64>, half: f64, centre: &Vector3<f64>, ball_from_world: &Matrix3<f64>) -> Vector3<f64> {
+fn nearest_in_cube(
+    voxel: &Vector3<f64>,
+    half: f64,
+    centre: &Vector3<f64>,
+    ball_from_world: &Matrix3<f64>,
+) -> Vector3<f64> {
     let metric = ball_from_world.tr_mul(ball_from_world);
     let mut p = *voxel;
     for _ in 0..6 {

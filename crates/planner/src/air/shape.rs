@@ -139,14 +139,7 @@ pub fn shape(
     Ok(Shape { spline, report })
 }
 
-fn decode(
-    x: &[f64],
-    places: &[Place],
-    first: &[usize],
-    floor_s: f64,
-    inner: &mut [Vector3<f64>],
-    times: &mut [f64],
-) {
+fn decode(x: &[f64], places: &[Place], first: &[usize], floor_s: f64, inner: &mut [Vector3<f64>], times: &mut [f64]) {
     for (t, tau) in times.iter_mut().zip(x) {
         *t = duration(*tau, floor_s);
     }

@@ -1,6 +1,9 @@
 //! Small worlds shared by the tests: pictures of flats.
 #![allow(dead_code)]
 
+#[cfg(feature = "air")]
+pub mod corridors;
+
 use nalgebra::Point2;
 use planner::GridView;
 
