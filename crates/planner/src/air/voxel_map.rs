@@ -78,19 +78,29 @@ impl VoxelMap {
 
     /// The map with every free voxel occupied that touches an occupied one, `rounds` times. What lies outside does not grow in.
     pub fn dilated(&self, rounds: usize) -> VoxelMap {
+        // A cube is a product of lines: one axis after the other, whole rows and slabs at a time.
+        let [width, height, _] = self.size;
         let mut grown = self.clone();
+        let mut before = Vec::with_capacity(grown.is_occupied.len());
         for _ in 0..rounds {
-            // One axis after the other: a cube is a product of lines.
-            let mut stride = 1;
-            for axis in 0..3 {
-                let before = grown.is_occupied.clone();
-                let length = self.size[axis];
-                for (at, is_occupied) in grown.is_occupied.iter_mut().enumerate() {
-                    let index = at / stride % length;
-                    *is_occupied |= (index > 0 && before[at - stride]) || (index + 1 < length && before[at + stride]);
-                }
-                stride *= length;
+            for line in grown.is_occupied.chunks_exact_mut(width) {
+                before.clear();
+                before.extend_from_slice(line);
+                touch(&mut line[1..], &before[..width - 1]);
+                touch(&mut line[..width - 1], &before[1..]);
             }
+            for slab in grown.is_occupied.chunks_exact_mut(width * height) {
+                before.clear();
+                before.extend_from_slice(slab);
+                let beyond = slab.len() - width;
+                touch(&mut slab[width..], &before[..beyond]);
+                touch(&mut slab[..beyond], &before[width..]);
+            }
+            before.clear();
+            before.extend_from_slice(&grown.is_occupied);
+            let beyond = before.len() - width * height;
+            touch(&mut grown.is_occupied[width * height..], &before[..beyond]);
+            touch(&mut grown.is_occupied[..beyond], &before[width * height..]);
         }
         grown
     }
@@ -198,6 +208,7 @@ impl VoxelMap {
             // Steps over corners, edges and faces.
             GREED * (d[0] * 3f32.sqrt() + (d[1] - d[0]) * 2f32.sqrt() + (d[2] - d[1]))
         };
+        let lengths = STEPS.map(|s| ((s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) as f32).sqrt());
         // Cost + 1, so that zeroed memory means "not seen".
         let mut cost = vec![0f32; self.is_occupied.len()];
         let mut came = vec![0u8; self.is_occupied.len()];
@@ -212,12 +223,14 @@ impl VoxelMap {
             if node == to {
                 return Some(self.trace(from, to, &came));
             }
-            let index = self.index(node);
+            let free = self.free_neighbours(node);
             for (k, step) in STEPS.iter().enumerate() {
-                let Some(other) = self.step(index, *step) else { continue };
-                let length = ((step[0] * step[0] + step[1] * step[1] + step[2] * step[2]) as f32).sqrt();
-                let next = reached + length;
-                if (cost[other] != 0.0 && next + 1.0 >= cost[other]) || !self.is_step_free(index, *step) {
+                if free & NEEDED[k] != NEEDED[k] {
+                    continue;
+                }
+                let other = (node as i64 + self.offset(*step)) as usize;
+                let next = reached + lengths[k];
+                if cost[other] != 0.0 && next + 1.0 >= cost[other] {
                     continue;
                 }
                 cost[other] = next + 1.0;
@@ -232,29 +245,37 @@ impl VoxelMap {
         let mut cells = vec![to];
         let mut at = to;
         while at != from {
-            let back = STEPS[came[at] as usize].map(|s| -s);
-            let Some(before) = self.step(self.index(at), back) else { break };
-            at = before;
+            at = (at as i64 - self.offset(STEPS[came[at] as usize])) as usize;
             cells.push(at);
         }
         cells.reverse();
         cells
     }
 
-    fn step(&self, index: [usize; 3], step: [i32; 3]) -> Option<usize> {
-        let mut other = [0; 3];
-        for k in 0..3 {
-            other[k] = index[k].checked_add_signed(step[k] as isize).filter(|i| *i < self.size[k])?;
-        }
-        Some(self.number(other))
+    fn offset(&self, step: [i32; 3]) -> i64 {
+        let [width, height, _] = self.size;
+        i64::from(step[0]) + (i64::from(step[1]) + i64::from(step[2]) * height as i64) * width as i64
     }
 
-    /// Whether all voxels of the box between two neighbours are free.
-    fn is_step_free(&self, index: [usize; 3], step: [i32; 3]) -> bool {
-        (1..8u32).all(|corner| {
-            let part: [i32; 3] = std::array::from_fn(|k| if corner >> k & 1 == 1 { step[k] } else { 0 });
-            self.step(index, part).is_some_and(|at| !self.is_occupied[at])
-        })
+    /// Bit `(dx + 1) + 3 (dy + 1) + 9 (dz + 1)` for each free voxel of the 27 round one, itself included.
+    fn free_neighbours(&self, at: usize) -> u32 {
+        let index = self.index(at);
+        let mut free = 0;
+        let mut bit = 0;
+        for dz in -1..=1 {
+            for dy in -1..=1 {
+                for dx in -1..=1 {
+                    let step = [dx, dy, dz];
+                    let is_inside =
+                        (0..3).all(|k| index[k].checked_add_signed(step[k] as isize).is_some_and(|i| i < self.size[k]));
+                    if is_inside && !self.is_occupied[(at as i64 + self.offset(step)) as usize] {
+                        free |= 1 << bit;
+                    }
+                    bit += 1;
+                }
+            }
+        }
+        free
     }
 
     /// From each kept point to the furthest later one in a free straight line; the ladder of lengths is searched by halving.
@@ -324,6 +345,37 @@ const STEPS: [[i32; 3]; 26] = {
     }
     steps
 };
+
+/// For each step, the voxels that have to be free: all of the box between the two neighbours.
+const NEEDED: [u32; 26] = {
+    let mut needed = [0; 26];
+    let mut k = 0;
+    while k < 26 {
+        let mut corner = 0;
+        while corner < 8 {
+            let mut bit = 0;
+            let mut place = 1;
+            let mut axis = 0;
+            while axis < 3 {
+                let part = if corner >> axis & 1 == 1 { STEPS[k][axis] } else { 0 };
+                bit += (part + 1) * place;
+                place *= 3;
+                axis += 1;
+            }
+            needed[k] |= 1 << bit;
+            corner += 1;
+        }
+        k += 1;
+    }
+    needed
+};
+
+/// Occupies where the neighbour is.
+fn touch(line: &mut [bool], neighbour: &[bool]) {
+    for (own, other) in line.iter_mut().zip(neighbour) {
+        *own |= *other;
+    }
+}
 
 #[cfg(test)]
 mod tests {
