@@ -1,5 +1,8 @@
 //! Bernstein form of a quintic piece without allocation: a piece lies in the convex hull of its points, and so does each half.
 
+// Loops over indices are the sums of the formulas.
+#![allow(clippy::needless_range_loop)]
+
 use nalgebra::Vector3;
 
 use super::hermite::factor;

@@ -2,6 +2,9 @@
 //!
 //! Each map is onto and smooth, so a minimum over the free numbers is one over what they stand for.
 
+// Loops over indices are the sums of the formulas.
+#![allow(clippy::needless_range_loop)]
+
 use nalgebra::Vector3;
 
 /// A duration above `floor_s` from a free number: `T - floor = tau^2/2 + tau + 1` for `tau > 0`, else `1 / (tau^2/2 - tau + 1)`.

@@ -10,6 +10,9 @@
 //! the rotor limits are kept but for the drag, which the proof adds. Its multipliers give the derivative of the optimum by
 //! the durations (envelope theorem): enough for a descent over durations in which every iterate is feasible.
 
+// Loops over indices are the sums of the formulas.
+#![allow(clippy::needless_range_loop)]
+
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use nalgebra::Vector3;

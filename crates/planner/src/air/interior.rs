@@ -14,6 +14,9 @@
 //! until the factorisation succeeds. The barrier is a logarithm that goes over into a parabola at a small slack: it is defined
 //! everywhere, so the start need not be inside anything.
 
+// Loops over indices are the sums of the formulas.
+#![allow(clippy::needless_range_loop)]
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::flatness::ThrustAxis;

@@ -114,7 +114,7 @@ pub fn minimise(
             }
             value = cost(x, &mut gradient);
             report.evaluations += 1;
-            if !(value <= start + SUFFICIENT * step * slope) {
+            if value.is_nan() || value > start + SUFFICIENT * step * slope {
                 high = step;
             } else if dot(&gradient, &direction) < FLATTER * slope {
                 low = step;
@@ -127,7 +127,7 @@ pub fn minimise(
                 break;
             }
         }
-        if !is_found && !(value < start) {
+        if !is_found && (value.is_nan() || value >= start) {
             x.copy_from_slice(&from);
             report.status = LbfgsStatus::SearchFailed;
             return report;

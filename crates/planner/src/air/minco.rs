@@ -9,6 +9,9 @@
 //! work, no pivoting, and Cholesky factors do not care how the unknowns are scaled, so durations a thousand times apart do no
 //! harm. The same factors carry any gradient from coefficients to points and durations (the paper's adjoint).
 
+// Loops over indices are the sums of the formulas.
+#![allow(clippy::needless_range_loop)]
+
 use nalgebra::Vector3;
 
 use super::hermite::{Hermite, factor};
@@ -47,6 +50,8 @@ pub struct Minco<const ORDER: usize> {
 }
 
 type Block<const ORDER: usize> = [[f64; ORDER]; ORDER];
+/// By the states at the start and at the end of a piece.
+type AtEnds<const ORDER: usize> = [[Vector3<f64>; ORDER]; 2];
 
 /// A gradient by what the user may choose.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -272,7 +277,7 @@ impl<const ORDER: usize> Minco<ORDER> {
 
     /// Half the gradient of the effort of piece `i` by the states at its start and end, and the derivative of that by its
     /// duration.
-    fn stationarity(&self, i: usize) -> ([[Vector3<f64>; ORDER]; 2], [[Vector3<f64>; ORDER]; 2]) {
+    fn stationarity(&self, i: usize) -> (AtEnds<ORDER>, AtEnds<ORDER>) {
         let p = powers::<ORDER>(self.durations_s[i]);
         let inverse = self.durations_s[i].recip();
         let (start, end) = (&self.states[i], &self.states[i + 1]);
