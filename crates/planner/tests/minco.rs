@@ -6,6 +6,10 @@ use nalgebra::{Rotation3, Vector3};
 use planner::{Minco, MincoGradient};
 use proptest::prelude::*;
 
+/// Order 4 loses digits where pieces a thousand times shorter than their neighbours stand: the effort of a short piece outweighs that of
+/// a long one by the cube of the ratio where both bend alike, and what is left of sixteen digits is seven.
+const ORDER_4_AT_EXTREMES: f64 = 1e-7;
+
 /// A problem: states at the ends (position, velocity, acceleration, jerk), inner points, durations.
 #[derive(Debug, Clone)]
 struct Problem {
@@ -181,7 +185,7 @@ proptest! {
     fn splines_are_optimal_at_extreme_ratios(p in problem(1000.0)) {
         check_optimal::<2>(&p, 1e-11)?;
         check_optimal::<3>(&p, 1e-11)?;
-        check_optimal::<4>(&p, 1e-10)?;
+        check_optimal::<4>(&p, ORDER_4_AT_EXTREMES)?;
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The slow and careful way through a corridor: convex programs only, each iterate keeps the polynomial limits.
 //!
 //! Durations are stretched until a program is feasible, then shortened by descent along the multipliers' derivative
-//! ([`super::hermite_program`]), and stretched again if the proof asks for it (drag).
+//! (`hermite_program.rs`), and stretched again if the proof asks for it (drag).
 
 use super::corridor_flight::{
     CorridorError, CorridorFlight, check, corridor_flight, first_guess, pieces_of, shortfall,
