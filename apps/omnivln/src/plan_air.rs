@@ -67,6 +67,11 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
     ensure!((1..=64).contains(&options.threads), "--threads must be between 1 and 64, not {}", options.threads);
     ensure!((1..=1000).contains(&options.repeats), "--repeats must be between 1 and 1000, not {}", options.repeats);
     let file = Problems::parse(&read(&options.file)?).with_context(|| options.file.display().to_string())?;
+    ensure!(
+        !(options.hard && matches!(file, Problems::Forest(_))),
+        "--hard is for corridors; {} holds forests",
+        options.file.display()
+    );
     let limits = file.settings().limits(options.profile == Profile::Agile);
     let view = ProgressView::new(file.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len}", options.quiet);
     let done = AtomicU64::new(0);

@@ -155,6 +155,8 @@ fn a_forest_is_flown_through_by_the_whole_pipeline_the_same_at_any_number_of_thr
         seen.push(fs::read(dump).unwrap());
     }
     assert_eq!(seen[0], seen[1]);
+    let (code, _, err) = plan_air(&[file.to_str().unwrap(), "--hard"]);
+    assert!(code == Some(2) && err.contains("--hard is for corridors"), "{err}");
 }
 
 #[test]

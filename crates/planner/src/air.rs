@@ -25,13 +25,16 @@ pub mod vertices;
 pub mod voxel_flight;
 pub mod voxel_map;
 
+pub(crate) mod barrier;
 pub(crate) mod bernstein;
 pub(crate) mod corridor;
 pub mod corridor_flight;
 pub(crate) mod guide;
 pub(crate) mod hermite;
 pub(crate) mod hermite_program;
+pub(crate) mod node_form;
 pub(crate) mod obstacles;
+pub(crate) mod piece_cost;
 pub(crate) mod refine;
 pub(crate) mod route;
 

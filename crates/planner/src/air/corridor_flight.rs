@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 
 use super::depth::deepest_point;
-use super::interior::{InteriorSettings, Nodes, Tighten, optimise};
+use super::interior::{InteriorSettings, Nodes, optimise};
 use super::limits::{BoundaryState, FlightLimits, LimitsError};
 use super::minco::effort;
+use super::piece_cost::Tighten;
 use super::polytope::Polytope;
 use super::proof::{FlightProof, Violation, prove};
 use super::trajectory::{Piece, PolynomialTrajectory};

@@ -17,8 +17,9 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use nalgebra::Vector3;
 
-use super::interior::{ACCELERATION, JERK, Nodes, POSITION, VELOCITY_HULL, effort_entry};
+use super::interior::Nodes;
 use super::limits::{BoundaryState, FlightLimits};
+use super::node_form::{ACCELERATION, JERK, POSITION, VELOCITY_HULL, effort_entry};
 use super::polytope::Polytope;
 
 /// Interior-point iterations at most.

@@ -16,7 +16,7 @@ use super::trajectory::PolynomialTrajectory;
 /// Rounding allowed on limits and faces: metres, m/s, m/s^2, rad, N, rad/s.
 pub const PROOF_TOL: f64 = 1e-9;
 /// Halvings of a piece before polynomial limits are called unproved.
-const POLYNOMIAL_DEPTH: u32 = 10;
+pub(crate) const POLYNOMIAL_DEPTH: u32 = 10;
 /// Halvings before limits of the rotors are: the bounds close in linearly.
 const ROTOR_DEPTH: u32 = 14;
 
@@ -119,7 +119,7 @@ pub fn prove(
 
 /// An upper bound of a convex function over a Bernstein curve: its largest value on the points, halved while the bound is
 /// above the limit but the curve's own points are not.
-fn upper<const N: usize>(
+pub(crate) fn upper<const N: usize>(
     points: &[Vector3<f64>; N],
     limit: f64,
     depth: u32,
@@ -235,7 +235,7 @@ fn rotor_bounds(motion: &Motion, airframe: &Airframe) -> (RotorBounds, RotorBoun
 }
 
 /// Maximum that keeps NaN.
-fn larger(a: f64, b: f64) -> f64 {
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
 
