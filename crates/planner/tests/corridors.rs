@@ -174,6 +174,27 @@ fn what_cannot_be_flown_is_refused_at_once_with_the_reason() {
     assert!(matches!(refused, Err(CorridorError::NoOverlap { .. })), "{refused:?}");
 }
 
+/// A vehicle of which only speed and acceleration are known, and one that cannot stop before the wall.
+#[test]
+fn without_an_airframe_acceleration_is_the_limit_and_a_wall_too_near_is_said() {
+    let (start, goal, corridor) = chain(12, 6);
+    let slow = FlightLimits { airframe: None, max_speed_mps: 1.5, max_accel_mps2: 2.0, ..limits(false) };
+    let flight = fly_corridor(&start, &goal, &corridor, &slow, &InteriorSettings::default()).unwrap();
+    let duration = flight.trajectory.duration();
+    for k in 0..=5000 {
+        let s = flight.trajectory.sample(duration * f64::from(k) / 5000.0);
+        assert!(s.v.norm() <= 1.5 + 1e-9 && s.a.norm() <= 2.0 + 1e-9);
+    }
+    let length: f64 =
+        flight.trajectory.pieces.windows(2).map(|w| (w[1].coefficients[0] - w[0].coefficients[0]).norm()).sum();
+    assert!(duration < 4.0 + length, "{duration} s for {length} m is not what these limits allow");
+    let zero = Vector3::zeros();
+    let cell = [Polytope::from_box(&Point3::new(-1.0, -1.0, -1.0), &Point3::new(1.0, 1.0, 1.0))];
+    let dashing = [Vector3::new(0.9, 0.0, 0.0), Vector3::new(3.9, 0.0, 0.0), zero];
+    let refused = fly_corridor(&dashing, &[zero; 3], &cell, &limits(false), &InteriorSettings::default()).map(|_| ());
+    assert!(matches!(refused, Err(CorridorError::NotProved { .. })), "{refused:?}");
+}
+
 /// Turning about on the spot: start and goal are one point.
 #[test]
 fn a_flight_of_no_length_is_a_flight() {

@@ -13,7 +13,7 @@ use super::flatness::ThrustAxis;
 use super::limits::{BoundaryState, FlightLimits};
 use super::minco::{Minco, MincoError, MincoGradient};
 use super::polytope::{HalfSpace, Polytope};
-use super::proof::rotors_within;
+use super::proof::open_quarters;
 
 /// How violations are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,14 +149,19 @@ impl<'a> PenalisedSpline<'a> {
         }
         let fastest = self.limits.max_speed_mps * self.limits.max_speed_mps;
         let may_speed = points.velocity.iter().any(|v| v.norm_squared() > fastest);
-        let airframe = self.limits.airframe.filter(|airframe| !rotors_within(&points, airframe, self.limits));
-        if self.open_faces.is_empty() && !may_speed && airframe.is_none() {
+        let quarters =
+            self.limits.airframe.map_or([false; 4], |airframe| open_quarters(&points, &airframe, self.limits));
+        if self.open_faces.is_empty() && !may_speed && quarters == [false; 4] {
             return 0.0;
         }
         let by = &mut self.by_coefficients[6 * i..6 * i + 6];
         let mut total = 0.0;
         for k in 0..=intervals {
             let share = k as f64 / intervals as f64;
+            let is_open = quarters[((4.0 * share) as usize).min(3)];
+            if !is_open && !may_speed && self.open_faces.is_empty() {
+                continue;
+            }
             let t = share * duration;
             let (t2, t3, t4) = (t * t, t * t * t, t * t * t * t);
             let p = c[0] + c[1] * t + c[2] * t2 + c[3] * t3 + c[4] * t4 + c[5] * (t4 * t);
@@ -175,7 +180,7 @@ impl<'a> PenalisedSpline<'a> {
                 penalty += self.weights.speed * value;
                 slopes[1] += v * (2.0 * self.weights.speed * slope);
             }
-            if let Some(airframe) = &airframe {
+            if let Some(airframe) = self.limits.airframe.as_ref().filter(|_| is_open) {
                 penalty += rotor_penalty(
                     &ThrustAxis::new(airframe, &v, &a, &j),
                     self.limits,

@@ -144,6 +144,13 @@ struct Motion {
     j: [Vector3<f64>; 3],
 }
 
+impl Motion {
+    fn halves(&self) -> [Motion; 2] {
+        let (v, a, j) = (halves(&self.v), halves(&self.a), halves(&self.j));
+        [Motion { v: v.0, a: a.0, j: j.0 }, Motion { v: v.1, a: a.1, j: j.1 }]
+    }
+}
+
 /// Bounds tilt, rate and thrust over an interval, halving it until they decide.
 fn rotors(motion: &Motion, airframe: &Airframe, limits: &FlightLimits, depth: u32, proof: &mut FlightProof) {
     let (bounds, middle) = rotor_bounds(motion, airframe);
@@ -154,15 +161,27 @@ fn rotors(motion: &Motion, airframe: &Airframe, limits: &FlightLimits, depth: u3
         proof.min_thrust_n = smaller(proof.min_thrust_n, bounds.least);
         return;
     }
-    let (v, a, j) = (halves(&motion.v), halves(&motion.a), halves(&motion.j));
-    rotors(&Motion { v: v.0, a: a.0, j: j.0 }, airframe, limits, depth - 1, proof);
-    rotors(&Motion { v: v.1, a: a.1, j: j.1 }, airframe, limits, depth - 1, proof);
+    for half in motion.halves() {
+        rotors(&half, airframe, limits, depth - 1, proof);
+    }
 }
 
-/// Whether bounds over a whole piece already prove the limits of the rotors.
-pub(crate) fn rotors_within(points: &QuinticPoints, airframe: &Airframe, limits: &FlightLimits) -> bool {
-    let motion = Motion { v: points.velocity, a: points.acceleration, j: points.jerk };
-    is_within(&rotor_bounds(&motion, airframe).0, limits, 0.0)
+/// For each quarter of a piece, whether its bounds leave the limits of the rotors unproved; nothing is split that is proved whole.
+pub(crate) fn open_quarters(points: &QuinticPoints, airframe: &Airframe, limits: &FlightLimits) -> [bool; 4] {
+    let mut open = [false; 4];
+    let whole = Motion { v: points.velocity, a: points.acceleration, j: points.jerk };
+    let is_proved = |motion: &Motion| is_within(&rotor_bounds(motion, airframe).0, limits, 0.0);
+    if is_proved(&whole) {
+        return open;
+    }
+    for (k, half) in whole.halves().iter().enumerate() {
+        if !is_proved(half) {
+            for (m, quarter) in half.halves().iter().enumerate() {
+                open[2 * k + m] = !is_proved(quarter);
+            }
+        }
+    }
+    open
 }
 
 fn is_within(b: &RotorBounds, limits: &FlightLimits, room: f64) -> bool {
