@@ -13,7 +13,7 @@ use super::flatness::ThrustAxis;
 use super::limits::{BoundaryState, FlightLimits};
 use super::minco::{Minco, MincoError, MincoGradient};
 use super::polytope::{HalfSpace, Polytope};
-use super::proof::open_quarters;
+use super::proof::rotors_within;
 
 /// How violations are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,19 +149,15 @@ impl<'a> PenalisedSpline<'a> {
         }
         let fastest = self.limits.max_speed_mps * self.limits.max_speed_mps;
         let may_speed = points.velocity.iter().any(|v| v.norm_squared() > fastest);
-        let quarters =
-            self.limits.airframe.map_or([false; 4], |airframe| open_quarters(&points, &airframe, self.limits));
-        if self.open_faces.is_empty() && !may_speed && quarters == [false; 4] {
+        let airframe = self.limits.airframe.filter(|airframe| !rotors_within(&points, airframe, self.limits));
+        if self.open_faces.is_empty() && !may_speed && airframe.is_none() {
             return 0.0;
         }
+        let steepest = self.limits.max_tilt_rad.cos();
         let by = &mut self.by_coefficients[6 * i..6 * i + 6];
         let mut total = 0.0;
         for k in 0..=intervals {
             let share = k as f64 / intervals as f64;
-            let is_open = quarters[((4.0 * share) as usize).min(3)];
-            if !is_open && !may_speed && self.open_faces.is_empty() {
-                continue;
-            }
             let t = share * duration;
             let (t2, t3, t4) = (t * t, t * t * t, t * t * t * t);
             let p = c[0] + c[1] * t + c[2] * t2 + c[3] * t3 + c[4] * t4 + c[5] * (t4 * t);
@@ -180,11 +176,12 @@ impl<'a> PenalisedSpline<'a> {
                 penalty += self.weights.speed * value;
                 slopes[1] += v * (2.0 * self.weights.speed * slope);
             }
-            if let Some(airframe) = self.limits.airframe.as_ref().filter(|_| is_open) {
+            if let Some(airframe) = &airframe {
                 penalty += rotor_penalty(
                     &ThrustAxis::new(airframe, &v, &a, &j),
                     self.limits,
                     &self.weights,
+                    steepest,
                     |z, dz, f, axis| {
                         for (slope, part) in slopes[1..].iter_mut().zip(axis.reverse(airframe, f, &z, &dz)) {
                             *slope += part;
@@ -213,16 +210,18 @@ impl<'a> PenalisedSpline<'a> {
     }
 }
 
-/// Penalties of tilt, rate and thrust; hands on their gradient by axis, turning and thrust if there is any.
+/// Penalties of tilt (`steepest` is the cosine of its limit), rate and thrust; hands on their gradient by axis, turning and thrust if there is any.
 fn rotor_penalty(
     axis: &ThrustAxis,
     limits: &FlightLimits,
     weights: &PenaltyWeights,
+    steepest: f64,
     mut add: impl FnMut(Vector3<f64>, Vector3<f64>, f64, &ThrustAxis),
 ) -> f64 {
     let mut penalty = 0.0;
     let (mut by_z, mut by_dz, mut by_thrust) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-    let tilt = axis.z.z.clamp(-1.0, 1.0).acos();
+    // The angle is only worked out where it is too large.
+    let tilt = if axis.z.z < steepest { axis.z.z.clamp(-1.0, 1.0).acos() } else { 0.0 };
     if let Some((value, slope)) = kink(tilt - limits.max_tilt_rad, weights.smoothing) {
         penalty += weights.tilt * value;
         by_z.z -= weights.tilt * slope / (1.0 - axis.z.z * axis.z.z).max(1e-12).sqrt();

@@ -166,22 +166,10 @@ fn rotors(motion: &Motion, airframe: &Airframe, limits: &FlightLimits, depth: u3
     }
 }
 
-/// For each quarter of a piece, whether its bounds leave the limits of the rotors unproved; nothing is split that is proved whole.
-pub(crate) fn open_quarters(points: &QuinticPoints, airframe: &Airframe, limits: &FlightLimits) -> [bool; 4] {
-    let mut open = [false; 4];
-    let whole = Motion { v: points.velocity, a: points.acceleration, j: points.jerk };
-    let is_proved = |motion: &Motion| is_within(&rotor_bounds(motion, airframe).0, limits, 0.0);
-    if is_proved(&whole) {
-        return open;
-    }
-    for (k, half) in whole.halves().iter().enumerate() {
-        if !is_proved(half) {
-            for (m, quarter) in half.halves().iter().enumerate() {
-                open[2 * k + m] = !is_proved(quarter);
-            }
-        }
-    }
-    open
+/// Whether bounds over a whole piece already prove the limits of the rotors.
+pub(crate) fn rotors_within(points: &QuinticPoints, airframe: &Airframe, limits: &FlightLimits) -> bool {
+    let motion = Motion { v: points.velocity, a: points.acceleration, j: points.jerk };
+    is_within(&rotor_bounds(&motion, airframe).0, limits, 0.0)
 }
 
 fn is_within(b: &RotorBounds, limits: &FlightLimits, room: f64) -> bool {
