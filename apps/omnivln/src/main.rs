@@ -9,6 +9,7 @@ mod fuse;
 mod map;
 mod memory;
 mod odometry;
+mod plan_air;
 mod record;
 mod recording_args;
 mod register;
@@ -47,6 +48,8 @@ enum Command {
     Record(record::RecordOptions),
     /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
     Odometry(odometry::OdometryOptions),
+    /// Flies through corridors: certified trajectories, their cost and what they took
+    PlanAir(plan_air::PlanAirOptions),
     /// Measures the whole system
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
         Command::Dsg(command) => dsg::run(&command),
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),
+        Command::PlanAir(options) => plan_air::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),

@@ -34,6 +34,9 @@
 //! - Air ([`plan_air`]): A* on 10 cm with unknown blocked ([`air::search`]), bends cut, one polytope per leg, [`Minco`] through the
 //!   overlaps (`MINCO Theorem 2`), Bernstein bounds ([`certify`]); too fast: slow down; outside: a point into the middle of the leg;
 //!   in the limit stop-and-go on straight legs. [`GeometricController`] and [`RotorMixer`] follow it; [`stop_trajectory`] ends it.
+//! - Corridor ([`fly_corridor`]): nodes and durations by a barrier ([`air::interior`]), proved with drag ([`prove`]); the same by
+//!   convex programs ([`fly_corridor_hard`]). Voxels ([`fly_voxels`]): A* ([`VoxelMap`]), regions of whole cubes
+//!   ([`air::region`]), corridor. Points in balls: MINCO with penalties by L-BFGS ([`air::shape`]).
 //! - Ground ([`VisibilityGraph`], [`LocalPolicy`]): see [`ground`].
 //!
 //! # Conventions
@@ -42,14 +45,18 @@
 //! work are counts. Clearance is measured to the squares of blocked cells and to balls round obstacle points.
 //!
 //! # What it does not do
-//! It knows no scene graph, no rooms, no sensor. No moving obstacles (a scan is taken as it is), no dynamics of legs, no optimality in
-//! time: durations are shortened by a bounded search, not to a proved optimum.
+//! It knows no scene graph, no rooms, no sensor. No moving obstacles (a scan is taken as it is), no dynamics of legs. [`plan_air`] shortens
+//! durations by a bounded search; [`fly_corridor`] finds a local optimum of effort and time, not a proved global one.
 //!
 //! # Features
 //! `air`, `ground`: both on by default, neither needs the other.
 //!
 //! # References
 //! - Z. Wang, X. Zhou, C. Xu, F. Gao, *Geometrically Constrained Trajectory Optimization for Multicopters*, T-RO 2022 (MINCO).
+//! - Q. Wang, Z. Wang, M. Wang, J. Ji, Z. Han, T. Wu, R. Jin, Y. Gao, C. Xu, F. Gao, *Fast Iterative Region Inflation for Computing Large 2-D/3-D
+//!   Convex Regions of Obstacle-Free Space*, 2024 (FIRI).
+//! - A. Lewis, M. Overton, *Nonsmooth Optimization via Quasi-Newton Methods*, Mathematical Programming 2013.
+//! - P. Goulart, Y. Chen, *Clarabel: An Interior-Point Solver for Conic Programs with Quadratic Objectives*, 2024.
 //! - T. Lee, M. Leok, N. H. McClamroch, *Geometric Tracking Control of a Quadrotor UAV on SE(3)*, CDC 2010.
 //! - F. Yang, C. Cao, H. Zhu, J. Oh, J. Zhang, *FAR Planner: Fast, Attemptable Route Planner using Dynamic Visibility Update*, IROS 2022.
 //! - A. Meijster, J. Roerdink, W. Hesselink, *A General Algorithm for Computing Distance Transforms in Linear Time*, 2000.
@@ -69,11 +76,19 @@ pub use air::{
     certificate::{Certificate, certify},
     config::{AirConfig, AirConfigError},
     controller::{BodyState, GeometricController, ThrustTorque, slew_yaw},
+    corridor_flight::{CorridorError, CorridorFlight, fly_corridor},
+    flatness::{Airframe, FlatGradient, FlatOutput},
+    hard::fly_corridor_hard,
+    interior::InteriorSettings,
+    limits::{BoundaryState, FlightLimits, LimitsError},
     minco::{Minco, MincoError, MincoGradient},
     mixer::{MixerError, RotorMixer},
     polytope::{HalfSpace, Polytope},
+    proof::{FlightProof, Violation, prove},
     stop::stop_trajectory,
     trajectory::{Piece, PolynomialTrajectory, TrajectoryPoint},
+    voxel_flight::{VoxelFlight, VoxelFlightError, fly_voxels},
+    voxel_map::{VoxelMap, VoxelMapError},
 };
 #[cfg(feature = "ground")]
 pub use ground::{

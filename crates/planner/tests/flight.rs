@@ -187,49 +187,6 @@ proptest! {
         prop_assert!(speed <= c.max_speed_mps + 1e-9 && accel <= c.max_accel_mps2 + 1e-9 && slack >= c.corridor_slack_m - 1e-9);
         prop_assert_eq!(c.holds && (speed > 4.0 + 1e-6 || accel > 9.0 + 1e-6 || slack < -1e-6), false);
     }
-
-    /// MINCO: least energy among splines through the same points, and its gradient is the true one.
-    #[test]
-    fn gradients_agree_with_differences(points in proptest::collection::vec(proptest::array::uniform3(-3.0..3.0f64), 3..6), times in proptest::collection::vec(0.4..2.0f64, 5)) {
-        let points: Vec<Vector3<f64>> = points.into_iter().map(Vector3::from).collect();
-        let n = points.len() - 1;
-        let head = [points[0], Vector3::new(0.3, -0.2, 0.1), Vector3::zeros()];
-        let tail = [points[n], Vector3::zeros(), Vector3::new(0.0, 0.4, 0.0)];
-        let energy = |inner: &[Vector3<f64>], times: &[f64]| Minco::<3>::solve(&head, &tail, inner, times).unwrap().energy();
-        let (inner, times) = (points[1..n].to_vec(), times[..n].to_vec());
-        let gradient = Minco::<3>::solve(&head, &tail, &inner, &times).unwrap().energy_gradient();
-        let h = 1e-5;
-        for k in 0..inner.len() {
-            for axis in 0..3 {
-                let (mut up, mut down) = (inner.clone(), inner.clone());
-                up[k][axis] += h;
-                down[k][axis] -= h;
-                let difference = (energy(&up, &times) - energy(&down, &times)) / (2.0 * h);
-                prop_assert!((difference - gradient.inner_points[k][axis]).abs() <= 1e-5 * (1.0 + difference.abs()), "{difference} {}", gradient.inner_points[k][axis]);
-            }
-        }
-        for k in 0..times.len() {
-            let (mut up, mut down) = (times.clone(), times.clone());
-            up[k] += h;
-            down[k] -= h;
-            let difference = (energy(&inner, &up) - energy(&inner, &down)) / (2.0 * h);
-            prop_assert!((difference - gradient.durations[k]).abs() <= 1e-4 * (1.0 + difference.abs()), "{difference} {}", gradient.durations[k]);
-        }
-    }
-
-    /// Time flows either way: the reversed problem has the same energy.
-    #[test]
-    fn reversal_keeps_the_energy(points in proptest::collection::vec(proptest::array::uniform3(-3.0..3.0f64), 2..6), times in proptest::collection::vec(0.01..10.0f64, 5)) {
-        let points: Vec<Vector3<f64>> = points.into_iter().map(Vector3::from).collect();
-        let n = points.len() - 1;
-        let (v, a, zero) = (Vector3::new(0.5, 0.1, -0.3), Vector3::new(0.2, 0.0, 0.1), Vector3::zeros());
-        let forward = Minco::<3>::solve(&[points[0], v, a], &[points[n], zero, zero], &points[1..n], &times[..n]).unwrap();
-        let inner: Vec<_> = points[1..n].iter().rev().copied().collect();
-        let back: Vec<_> = times[..n].iter().rev().copied().collect();
-        let reversed = Minco::<3>::solve(&[points[n], zero, zero], &[points[0], -v, a], &inner, &back).unwrap();
-        let (e, r) = (forward.energy(), reversed.energy());
-        prop_assert!((e - r).abs() <= 1e-6 * e.max(1e-3), "{e} {r}");
-    }
 }
 
 #[test]
@@ -258,62 +215,6 @@ fn refusals_are_typed() {
         assert!(plan.certificate.clearance_m < config.clearance_m());
         check_plan(&voxels, &plan, &config, &low);
     }
-}
-
-#[test]
-fn minco_equals_the_stored_vectors() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/aerial/minco_vectors.json");
-    let path = [path.to_string(), path.replacen("/../../../../", "/../../../", 1)]
-        .into_iter()
-        .find(|p| std::path::Path::new(p).exists());
-    let Some(path) = path else {
-        eprintln!("skipped: no shared/data");
-        return;
-    };
-    let cases: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let rows = |v: &serde_json::Value| -> Vec<Vector3<f64>> {
-        v.as_array()
-            .unwrap()
-            .iter()
-            .map(|r| Vector3::new(r[0].as_f64().unwrap(), r[1].as_f64().unwrap(), r[2].as_f64().unwrap()))
-            .collect()
-    };
-    let numbers =
-        |v: &serde_json::Value| -> Vec<f64> { v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
-    fn check<const S: usize>(
-        head: &[Vector3<f64>],
-        tail: &[Vector3<f64>],
-        inner: &[Vector3<f64>],
-        times: &[f64],
-    ) -> (f64, Vec<Vector3<f64>>, MincoGradient) {
-        let spline = Minco::<S>::solve(head.try_into().unwrap(), tail.try_into().unwrap(), inner, times).unwrap();
-        (spline.energy(), spline.coefficients().to_vec(), spline.energy_gradient())
-    }
-    const RELATIVE_TOL: f64 = 1e-9;
-    let mut worst = 0.0f64;
-    let mut seen = 0;
-    for case in cases.as_array().unwrap() {
-        let (head, tail, inner, times) =
-            (rows(&case["head"]), rows(&case["tail"]), rows(&case["inner_points"]), numbers(&case["durations"]));
-        let (energy, coefficients, gradient) = match case["s"].as_u64().unwrap() {
-            2 => check::<2>(&head, &tail, &inner, &times),
-            3 => check::<3>(&head, &tail, &inner, &times),
-            _ => check::<4>(&head, &tail, &inner, &times),
-        };
-        let compare = |a: &[f64], b: &[f64]| {
-            let size = b.iter().fold(1e-300f64, |m, x| m.max(x.abs()));
-            a.iter().zip(b).map(|(x, y)| (x - y).abs() / size).fold(0.0, f64::max)
-        };
-        let flat = |v: &[Vector3<f64>]| v.iter().flat_map(|x| [x.x, x.y, x.z]).collect::<Vec<f64>>();
-        worst = worst
-            .max(compare(&[energy], &[case["energy"].as_f64().unwrap()]))
-            .max(compare(&flat(&coefficients), &flat(&rows(&case["coeffs"]))))
-            .max(compare(&flat(&gradient.inner_points), &flat(&rows(&case["dE_dq"]))))
-            .max(compare(&gradient.durations, &numbers(&case["dE_dT"])));
-        seen += 1;
-    }
-    println!("{seen} cases, worst relative difference {worst:e}");
-    assert!(seen == 18 && worst < RELATIVE_TOL, "{worst:e}");
 }
 
 /// A quadrotor of x500 size: first-order rotor lag, linear drag, rotors of the notes.

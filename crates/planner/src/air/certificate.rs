@@ -5,13 +5,10 @@
 
 use nalgebra::Vector3;
 
+use super::bernstein::QuinticPoints;
 use super::polytope::Polytope;
-use super::trajectory::{Piece, PolynomialTrajectory, halves};
-
-/// Halvings before a piece is called unproved: 64 parts.
-const MAX_DEPTH: u32 = 6;
-/// Rounding allowed on limits and faces: metres, m/s, m/s^2.
-pub const CERTIFICATE_TOL: f64 = 1e-9;
+use super::proof::{POLYNOMIAL_DEPTH, PROOF_TOL, upper};
+use super::trajectory::{Piece, PolynomialTrajectory};
 
 /// What was proved about a trajectory. All bounds hold at every instant, not only at samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,41 +60,22 @@ pub fn certify(
         certificate.corridor_slack_m = certificate.corridor_slack_m.min(bounds.slack);
     }
     // NaN fails every comparison.
-    certificate.holds &= certificate.max_speed_mps <= max_speed_mps + CERTIFICATE_TOL
-        && certificate.max_accel_mps2 <= max_accel_mps2 + CERTIFICATE_TOL
-        && certificate.corridor_slack_m >= -CERTIFICATE_TOL;
+    certificate.holds &= certificate.max_speed_mps <= max_speed_mps + PROOF_TOL
+        && certificate.max_accel_mps2 <= max_accel_mps2 + PROOF_TOL
+        && certificate.corridor_slack_m >= -PROOF_TOL;
     certificate
 }
 
-/// Bounds of one piece, as tight as needed to decide against the limits.
+/// Bounds of one piece, as tight as needed to decide against the limits. Nothing is known of more than quintic pieces.
 pub(crate) fn bound(piece: &Piece, polytope: &Polytope, max_speed_mps: f64, max_accel_mps2: f64) -> PieceBounds {
-    let norm = |points: &[Vector3<f64>]| points.iter().map(|p| p.norm()).fold(0.0, pick_larger);
-    let outside =
-        |points: &[Vector3<f64>]| points.iter().map(|p| -polytope.slack(p)).fold(f64::NEG_INFINITY, pick_larger);
+    let Some(points) = QuinticPoints::new(&piece.coefficients, piece.duration_s) else {
+        return PieceBounds { speed: f64::INFINITY, accel: f64::INFINITY, slack: f64::NEG_INFINITY };
+    };
+    let norm = |p: &Vector3<f64>| p.norm();
+    let outside = |p: &Vector3<f64>| -polytope.slack(p);
     PieceBounds {
-        speed: upper(&piece.control_points(1), max_speed_mps, MAX_DEPTH, &norm),
-        accel: upper(&piece.control_points(2), max_accel_mps2, MAX_DEPTH, &norm),
-        slack: -upper(&piece.control_points(0), 0.0, MAX_DEPTH, &outside),
+        speed: upper(&points.velocity, max_speed_mps, POLYNOMIAL_DEPTH, &norm),
+        accel: upper(&points.acceleration, max_accel_mps2, POLYNOMIAL_DEPTH, &norm),
+        slack: -upper(&points.position, 0.0, POLYNOMIAL_DEPTH, &outside),
     }
-}
-
-/// An upper bound of a convex function over a Bernstein curve: its largest value on the control points, refined by
-/// halving while the bound is above the limit but the curve's own points are not.
-fn upper(points: &[Vector3<f64>], limit: f64, depth: u32, largest: &impl Fn(&[Vector3<f64>]) -> f64) -> f64 {
-    let bound = largest(points);
-    if bound <= limit || depth == 0 {
-        return bound;
-    }
-    let ends = [points[0], points[points.len() - 1]];
-    if largest(&ends) > limit + CERTIFICATE_TOL {
-        // Truly violated: no refinement will help.
-        return bound;
-    }
-    let (left, right) = halves(points);
-    pick_larger(upper(&left, limit, depth - 1, largest), upper(&right, limit, depth - 1, largest))
-}
-
-/// Maximum that keeps NaN.
-fn pick_larger(a: f64, b: f64) -> f64 {
-    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

@@ -92,20 +92,6 @@ impl Piece {
     }
 }
 
-/// De Casteljau: control points of the two halves.
-pub fn halves(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
-    let mut left = Vec::with_capacity(points.len());
-    let mut right = Vec::with_capacity(points.len());
-    let mut work = points.to_vec();
-    while let (Some(first), Some(last)) = (work.first(), work.last()) {
-        left.push(*first);
-        right.push(*last);
-        work = work.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
-    }
-    right.reverse();
-    (left, right)
-}
-
 fn binomial(n: usize, k: usize) -> f64 {
     (0..k).map(|i| (n - i) as f64 / (i + 1) as f64).product()
 }
@@ -120,15 +106,12 @@ mod tests {
     }
 
     #[test]
-    fn control_points_begin_and_end_on_the_curve_and_halves_meet_on_it() {
+    fn control_points_begin_and_end_on_the_curve() {
         let p = piece();
         for k in 0..3 {
             let points = p.control_points(k);
             assert!((points[0] - derivative(&p.coefficients, k, 0.0)).norm() < 1e-12);
             assert!((points[points.len() - 1] - derivative(&p.coefficients, k, 1.7)).norm() < 1e-9);
-            let (left, right) = halves(&points);
-            let middle = derivative(&p.coefficients, k, 0.85);
-            assert!((left[left.len() - 1] - middle).norm() < 1e-9 && (right[0] - middle).norm() < 1e-9);
         }
     }
 

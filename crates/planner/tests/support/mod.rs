@@ -1,6 +1,9 @@
 //! Small worlds shared by the tests: pictures of flats.
 #![allow(dead_code)]
 
+#[cfg(feature = "air")]
+pub mod corridors;
+
 use nalgebra::Point2;
 use planner::GridView;
 
@@ -288,4 +291,25 @@ pub fn flat_3d(door_m: f64, seed: u64) -> Voxels {
     }
     voxels.measure();
     voxels
+}
+
+/// A file of the peers' data for the aerial planner; says so and is `None` where that folder is absent.
+pub fn shared_aerial(file: &str) -> Option<String> {
+    let here = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let found = here.ancestors().map(|a| a.join("shared/data/aerial").join(file)).find(|p| p.exists());
+    if found.is_none() {
+        eprintln!("skipped: no shared/data/aerial/{file}");
+    }
+    std::fs::read_to_string(found?).ok()
+}
+
+/// Rows of three numbers.
+pub fn rows(v: &serde_json::Value) -> Vec<nalgebra::Vector3<f64>> {
+    let rows = v.as_array().expect("a list of rows");
+    rows.iter().map(|r| nalgebra::Vector3::from_iterator(numbers(r))).collect()
+}
+
+/// A list of numbers.
+pub fn numbers(v: &serde_json::Value) -> Vec<f64> {
+    v.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
