@@ -9,7 +9,7 @@ use crate::relations::Viewer;
 use crate::scene::Scene;
 
 /// Superlatives, sizes and ordinals, among the candidates that the rest of the expression leaves.
-pub(crate) fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer) {
+pub(crate) fn extremes(goal: &Referring, found: &mut [Match], score: impl Fn(&mut Match) -> &mut f64, scene: &Scene, viewer: &Viewer) {
     let sizes = goal.attributes.iter().filter_map(|attribute| match attribute.kind {
         AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
         _ => None,
@@ -19,8 +19,8 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, vie
     if wanted.is_empty() && goal.ordinal.is_none() {
         return;
     }
-    let best = found.iter().map(|each| each.total).fold(0.0, f64::max);
-    let remaining: Vec<usize> = (0..found.len()).filter(|index| found[*index].total >= 0.5 * best).collect();
+    let best = found.iter_mut().map(|each| *score(each)).fold(0.0, f64::max);
+    let remaining: Vec<usize> = (0..found.len()).filter(|index| *score(&mut found[*index]) >= 0.5 * best).collect();
     if remaining.len() < 2 {
         return;
     }
@@ -36,7 +36,7 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, vie
         let span = (high - low).max(1e-9);
         for (&index, key) in remaining.iter().zip(&keys) {
             let rank = if strength < 0.0 { (high - key) / span } else { (key - low) / span };
-            found[index].total *= (-strength.abs() * rank).exp();
+            *score(&mut found[index]) *= (-strength.abs() * rank).exp();
         }
     }
     if let Some(ordinal) = goal.ordinal {
@@ -46,7 +46,7 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], scene: &Scene, vie
             if ordinal == u32::MAX { sorted.len() - 1 } else { (ordinal.max(1) as usize - 1).min(sorted.len() - 1) };
         for (position, (_, index)) in sorted.into_iter().enumerate() {
             if position != wanted {
-                found[index].total *= 0.1;
+                *score(&mut found[index]) *= 0.1;
             }
         }
     }

@@ -12,6 +12,7 @@ use crate::extremes::extremes;
 use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
 use crate::relations::{Shape, Viewer, between_score, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
+use crate::singling;
 use crate::vocabulary::{class_similarity, is_container, kind_similarity};
 
 /// What counts as "yes".
@@ -78,6 +79,8 @@ pub struct Match {
     pub weakest_relation: f64,
     /// Product of everything, with extremes and trust.
     pub total: f64,
+    /// How much more it is meant than the others, by what the parts single out ([`crate::singling`]); only the order has a meaning.
+    pub rank: f64,
 }
 
 impl Match {
@@ -94,7 +97,7 @@ impl Match {
 pub fn ground(goal: &Referring, scene: &Scene, viewer_position: &Point3<f64>) -> Vec<Match> {
     let viewer = viewer_of(goal, scene, viewer_position);
     let mut matches = matches(goal, scene, &viewer, 0);
-    matches.sort_by(|a, b| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id)));
+    matches.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.id.cmp(&b.id)));
     matches
 }
 
@@ -159,9 +162,11 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
                 room: 1.0,
                 weakest_relation: 1.0,
                 total: class * thing.trust,
+                rank: thing.trust,
             });
         }
     }
+    singling::class(&mut found);
     if found.is_empty() || depth > 6 {
         return found;
     }
@@ -176,11 +181,13 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         // A thing that no room holds yet may stand in any.
         each.room = room_scores.as_ref().map_or(1.0, |scores| thing.room.map_or(0.4, |room| scores[room]));
         each.total *= each.attributes * each.room;
+        each.rank *= each.attributes * each.room;
     }
     for clause in &goal.relations {
         relate(clause, &mut found, scene, viewer, depth);
     }
-    extremes(goal, &mut found, scene, viewer);
+    extremes(goal, &mut found, |each| &mut each.total, scene, viewer);
+    extremes(goal, &mut found, |each| &mut each.rank, scene, viewer);
     found
 }
 
@@ -216,6 +223,12 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
             .map(|each| best_anchor(relation, each, anchors.first().map_or(&[], Vec::as_slice), scene, viewer))
             .collect(),
     };
+    if anchors.iter().all(|anchors| !anchors.is_empty()) {
+        let ranks = singling::relation(clause.relation, found, &anchors, scene, viewer);
+        for (each, rank) in found.iter_mut().zip(ranks) {
+            each.rank *= if clause.negated { 1.02 - rank } else { rank };
+        }
+    }
     for (each, score) in found.iter_mut().zip(scores) {
         const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
         let score = if clause.negated { 1.0 - score } else { score }.clamp(FLOOR, 1.0);
@@ -224,10 +237,11 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
     }
 }
 
-fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {
+pub(crate) fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {
     Shape {
         bounds: &thing.bounds,
         front: thing.front,
+        oriented: thing.oriented.as_ref(),
         is_container: thing.classes.first().is_some_and(|(class, _)| is_container(&scene.classes[*class as usize])),
     }
 }
@@ -325,7 +339,7 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     let plain = Viewer { position: *position, forward: None };
     let Some(view) = &goal.view else { return plain };
     let mut seen = matches(&view.anchor, scene, &plain, 1);
-    seen.sort_by(|a, b| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id)));
+    seen.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.id.cmp(&b.id)));
     let Some(best) = seen.first() else {
         return plain;
     };

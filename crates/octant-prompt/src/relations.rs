@@ -8,6 +8,7 @@ use dsg::Aabb;
 use nalgebra::{Point3, Vector2};
 
 use crate::instruction::SpatialRelation;
+use crate::oriented_box::OrientedBox;
 
 /// Gap at which "near" is worth 0.5, metres.
 const NEAR_HALF_M: f64 = 1.2;
@@ -38,6 +39,8 @@ pub struct Shape<'a> {
     pub bounds: &'a Aabb,
     /// A point on its front face, if it has a front and that is known.
     pub front: Option<Point3<f64>>,
+    /// Its box along its own axes, if that is known.
+    pub oriented: Option<&'a OrientedBox>,
     /// Things are kept inside it (shelf, sink).
     pub is_container: bool,
 }
@@ -178,7 +181,7 @@ mod tests {
 
     fn score(relation: SpatialRelation, a: &Aabb, b: &Aabb) -> f64 {
         let viewer = Viewer { position: Point3::new(-5.0, 0.0, 0.0), forward: None };
-        let shape = |bounds| Shape { bounds, front: None, is_container: false };
+        let shape = |bounds| Shape { bounds, front: None, oriented: None, is_container: false };
         relation_score(relation, &shape(a), &shape(b), &viewer)
     }
 
