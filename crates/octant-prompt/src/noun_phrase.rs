@@ -67,6 +67,9 @@ impl Parser<'_> {
                     let count = self.noun_words();
                     let words: Vec<&str> =
                         self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
+                    if self.adjectives(&words, &mut out) {
+                        continue; // "the white small door"
+                    }
                     self.noun(&words, &mut out);
                     self.at += count;
                     if let Some(anchor) = is_part(&out.class).then(|| self.part_of(depth)).flatten() {
@@ -89,6 +92,27 @@ impl Parser<'_> {
         }
         while self.modifier(&mut out, depth) {}
         Some(out)
+    }
+
+    /// Colours and materials before a further adjective: takes them and what joins them, if a noun can still follow.
+    fn adjectives(&mut self, words: &[&str], out: &mut Referring) -> bool {
+        let Some(found) = words.iter().map(|word| adjective(word)).collect::<Option<Vec<_>>>() else { return false };
+        let mut next = words.len();
+        while matches!(self.mark_at(next), Some(Mark::And | Mark::Comma)) {
+            next += 1;
+        }
+        let joined = next > words.len();
+        let goes_on = match self.mark_at(next) {
+            Some(Mark::Size(_) | Mark::One) => true,
+            Some(Mark::Superlative(_) | Mark::Ordinal(_)) => !joined,
+            Some(Mark::Word) => joined && adjective(&self.tokens[self.at + next].text).is_some(),
+            _ => false,
+        };
+        if goes_on {
+            out.attributes.extend(found);
+            self.at += next;
+        }
+        goes_on
     }
 
     /// How many tokens from here form the words of a noun: marked words count when they continue a known phrase.
@@ -174,8 +198,24 @@ impl Parser<'_> {
                 }
                 out.class = Class::new(&words[from..].join(" "));
             }
-            None => out.class = Class::new(&words.join(" ")),
+            None => out.class = self.class_within(words),
         }
+    }
+
+    /// The class in words of which no ending is known. Where all classes of the scene are known, the last of them that occurs; the
+    /// words after it are no part of its name ("the monitor skewed").
+    fn class_within(&self, words: &[&str]) -> Class {
+        if !self.known.is_empty() {
+            for end in (1..words.len()).rev() {
+                for start in 0..end {
+                    let phrase = singular_phrase(&words[start..end].join(" "));
+                    if self.is_known(&phrase) {
+                        return Class::new(&phrase);
+                    }
+                }
+            }
+        }
+        Class::new(&words.join(" "))
     }
 }
 

@@ -131,6 +131,8 @@ impl<'a> Parser<'a> {
     /// The head noun phrase with everything the clause says about it.
     fn expression(&mut self) -> Option<Referring> {
         let mut head: Option<Referring> = None;
+        // "On the desk with a lamp, choose the book on the right": what stands before the head.
+        let mut fronted = Referring::default();
         while self.at < self.tokens.len() {
             let before = self.at;
             match self.tokens[self.at].mark {
@@ -146,6 +148,13 @@ impl<'a> Parser<'a> {
                         Some(Mark::Enter) => self.view_clause(ViewKind::From, 0),
                         _ => {}
                     }
+                }
+                Mark::Verb if head.is_some() => {
+                    self.at += 1;
+                    self.selection(&mut head);
+                }
+                Mark::Relation(_) | Mark::In if head.is_none() => {
+                    self.modifier(&mut fronted, 1);
                 }
                 Mark::Verb | Mark::Enter | Mark::Comma | Mark::Stop | Mark::Then | Mark::Pronoun | Mark::Copula => {
                     self.at += 1
@@ -164,6 +173,9 @@ impl<'a> Parser<'a> {
             }
         }
         let mut head = head?;
+        head.relations.extend(fronted.relations);
+        head.superlatives.extend(fronted.superlatives);
+        head.room = head.room.take().or(fronted.room);
         if head.class.text == "one" {
             // "facing the sinks, it's the one on the right"
             if let Some(class) = &self.last_class {
@@ -175,6 +187,33 @@ impl<'a> Parser<'a> {
         }
         hoist_room(&mut head);
         Some(head)
+    }
+
+    /// "There are two lamps on the desk. Choose the left one.": what is to be chosen is the head, what was said before is about it.
+    fn selection(&mut self, head: &mut Option<Referring>) {
+        self.skip(|mark| matches!(mark, Mark::Pronoun | Mark::Copula));
+        let before = self.at;
+        let Some(mut chosen) = self.noun_phrase(0).filter(|chosen| !chosen.class.text.is_empty()) else {
+            self.at = before;
+            return;
+        };
+        let Some(earlier) = head.take() else { return };
+        let same = chosen.class.is_wildcard() || chosen.class.canonical == earlier.class.canonical;
+        if same {
+            if chosen.class.is_wildcard() {
+                chosen.class = earlier.class;
+            }
+            chosen.attributes.extend(earlier.attributes);
+            chosen.relations.extend(earlier.relations);
+            chosen.superlatives.extend(earlier.superlatives);
+        } else if !earlier.class.text.is_empty() && !earlier.class.is_wildcard() {
+            chosen.relations.push(RelationClause {
+                relation: SpatialRelation::Near,
+                anchors: vec![earlier],
+                negated: false,
+            });
+        }
+        *head = Some(chosen);
     }
 
     /// After the head: "... is the one at the desk", "... the chair near it": a repeated noun phrase whose modifiers are about the head.
@@ -209,7 +248,17 @@ impl<'a> Parser<'a> {
             return; // "standing in the middle of the room facing ..."
         }
         if let Some(anchor) = self.noun_phrase(depth + 1) {
-            self.view.get_or_insert(View { kind, anchor });
+            // "standing in the room facing the cups": whom one faces says more than where one stands.
+            let view = View { kind, anchor };
+            match &mut self.view {
+                Some(known) if known.kind != ViewKind::From || kind == ViewKind::From => {}
+                known => *known = Some(view),
+            }
+            // "facing the window from the door"
+            while self.mark() == Some(Mark::From) {
+                self.at += 1;
+                let _ = self.noun_phrase(depth + 1);
+            }
         } else if kind == ViewKind::From {
             self.view
                 .get_or_insert(View { kind, anchor: Referring { class: Class::new("door"), ..Referring::default() } });
