@@ -10,7 +10,7 @@ use nalgebra::Point3;
 use crate::attributes::attribute_score;
 use crate::extremes::extremes;
 use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
-use crate::relations::{Shape, Viewer, between_score, nearness_key_m, relation_score};
+use crate::relations::{Shape, Viewer, facing_front, between_score, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
 use crate::singling;
 use crate::vocabulary::{class_similarity, is_container, kind_similarity};
@@ -166,7 +166,7 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
             });
         }
     }
-    singling::class(&mut found);
+    singling::class(&goal.class, &mut found, scene);
     if found.is_empty() || depth > 6 {
         return found;
     }
@@ -348,7 +348,8 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     match view.kind {
         // Whoever faces a thing with a front looks at its front.
         ViewKind::Facing => {
-            let front = scene.things[best.index].front.map(|front| (anchor - front).xy());
+            let thing = shape(&scene.things[best.index], scene);
+            let front = thing.front.and_then(|front| facing_front(&thing, &front));
             Viewer { position: *position, forward: Some(front.unwrap_or(towards)) }
         }
         ViewKind::BackTo => Viewer { position: *position, forward: Some(-towards) },

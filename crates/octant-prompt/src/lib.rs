@@ -87,6 +87,7 @@ pub mod reply;
 pub mod scene;
 pub mod scripted;
 pub mod search;
+pub mod sides;
 mod singling;
 pub mod situation;
 pub mod symbolic;

@@ -178,7 +178,7 @@ impl Parser<'_> {
         }
         let whole = singular_phrase(&words.join(" "));
         if self.is_known(&whole) {
-            out.class = Class::new(&whole);
+            out.class = Class::new(&words.join(" "));
             return;
         }
         // The longest known ending is the class ("dirty coffee mug"); the words before it describe it.
@@ -210,7 +210,7 @@ impl Parser<'_> {
                 for start in 0..end {
                     let phrase = singular_phrase(&words[start..end].join(" "));
                     if self.is_known(&phrase) {
-                        return Class::new(&phrase);
+                        return Class::new(&words[start..end].join(" "));
                     }
                 }
             }

@@ -139,9 +139,7 @@ fn lateral(relation: SpatialRelation, a: &Aabb, anchor: &Shape, viewer: &Viewer)
     };
     let forward = match (viewer.forward, anchor.front) {
         // An anchor with a front and nobody's view in the text: the viewer looks at the front (Sr3D's allocentric relations).
-        (None, Some(front)) => {
-            (b.center() - front).xy().try_normalize(1e-6).unwrap_or_else(|| viewer.forward_to(&b.center()))
-        }
+        (None, Some(front)) => facing_front(anchor, &front).unwrap_or_else(|| viewer.forward_to(&b.center())),
         _ => viewer.forward_to(&b.center()),
     };
     let left = Vector2::new(-forward.y, forward.x);
@@ -152,6 +150,12 @@ fn lateral(relation: SpatialRelation, a: &Aabb, anchor: &Shape, viewer: &Viewer)
         _ => direction.dot(&forward),
     };
     cosine.max(0.0) * (-0.35 * a.horizontal_gap_m(b)).exp()
+}
+
+/// Plan direction of somebody who looks at the front of a thing.
+pub fn facing_front(thing: &Shape, front: &Point3<f64>) -> Option<Vector2<f64>> {
+    let center = thing.oriented.map_or_else(|| thing.bounds.center(), |oriented| oriented.center);
+    (center - front).xy().try_normalize(1e-6)
 }
 
 /// Score of "`subject` is between `a` and `b`" in plan: on the way from one to the other, not beside it or beyond the ends.

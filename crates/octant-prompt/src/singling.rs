@@ -5,24 +5,33 @@
 //! where a desk stands. These are the scores by which candidates are ordered.
 
 use dsg::Aabb;
+use nalgebra::Vector2;
 
 use crate::grounding::{Match, shape};
 use crate::instruction::SpatialRelation;
-use crate::relations::{Viewer, between_score, relation_score};
+use crate::oriented_box::OrientedBox;
+use crate::relations::{Shape, Viewer, between_score, facing_front, relation_score};
 use crate::scene::Scene;
+use crate::sides::share_in_zone;
+use crate::vocabulary::Class;
 
 /// What is left of a candidate for which a relation does not hold at all.
 const FLOOR: f64 = 0.02;
 /// Anchors that are this much less meant than the best one are not looked at.
 const WORTHY: f64 = 0.15;
+/// Gap below which one thing rests on the other, metres.
+const TOUCH_M: f64 = 0.06;
 /// Most anchors that are looked at.
 const MAX_ANCHORS: usize = 12;
 
 /// Multiplies the weight of the class in: words compete, the one that was said wins.
-pub(crate) fn class(found: &mut [Match]) {
+pub(crate) fn class(asked: &Class, found: &mut [Match], scene: &Scene) {
     let best = found.iter().map(|each| each.class).fold(0.0, f64::max);
     for each in found {
-        each.rank *= (each.class / best).powi(4);
+        let label = scene.things[each.index].classes.first().map(|(class, _)| &scene.classes[*class as usize]);
+        // Where one label is "kitchen cabinet" and another "kitchen cabinets", the number tells them apart.
+        let number = label.is_none_or(|label| label.is_plural == asked.is_plural);
+        each.rank *= (each.class / best).powi(4) * if number { 1.0 } else { 0.45 };
     }
 }
 
@@ -60,12 +69,40 @@ pub(crate) fn relation(
             .map(|each| {
                 let subject = shape(&scene.things[each.index], scene);
                 let score = |&(weight, index): &(f64, usize)| {
-                    weight * relation_score(relation, &subject, &shape(&scene.things[index], scene), viewer)
+                    weight * pair(relation, &subject, &shape(&scene.things[index], scene), viewer)
                 };
                 first.iter().filter(|anchor| anchor.1 != each.index).map(score).fold(FLOOR, f64::max)
             })
             .collect(),
     }
+}
+
+/// One relation of one pair.
+fn pair(relation: SpatialRelation, subject: &Shape, anchor: &Shape, viewer: &Viewer) -> f64 {
+    let score = relation_score(relation, subject, anchor, viewer);
+    match relation {
+        SpatialRelation::LeftOf | SpatialRelation::RightOf | SpatialRelation::InFrontOf | SpatialRelation::Behind => {
+            // A thing with a front has sides of its own, unless the text lets the viewer look elsewhere.
+            let Some((oriented, front)) = anchor.oriented.zip(anchor.front) else { return score };
+            let is_looked_at = viewer.forward.is_none_or(|forward| {
+                facing_front(anchor, &front).is_some_and(|own| own.dot(&forward) > 0.9 * forward.norm())
+            });
+            if !is_looked_at {
+                return score;
+            }
+            let corners = subject.oriented.map_or_else(|| plan_corners(subject.bounds), OrientedBox::corners);
+            0.5 * score + 0.5 * share_in_zone(relation, &corners, oriented)
+        }
+        // What a thing stands on carries it rather than being under it.
+        SpatialRelation::Under if anchor.bounds.min.z - subject.bounds.max.z < TOUCH_M => 0.75 * score,
+        _ => score,
+    }
+}
+
+/// Corners of the footprint, counter-clockwise.
+fn plan_corners(bounds: &Aabb) -> [Vector2<f64>; 4] {
+    let (low, high) = (bounds.min, bounds.max);
+    [(high.x, high.y), (low.x, high.y), (low.x, low.y), (high.x, low.y)].map(|(x, y)| Vector2::new(x, y))
 }
 
 fn between(each: &Match, first: &[(f64, usize)], second: &[(f64, usize)], scene: &Scene) -> f64 {
@@ -91,6 +128,8 @@ fn key_m(a: &Aabb, b: &Aabb) -> f64 {
 fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
     /// Difference of distance that costs a factor of e, metres.
     const SCALE_M: f64 = 0.5;
+    /// Candidates that are this much less meant by everything said before do not compete.
+    const RIVAL: f64 = 0.5;
     let keys: Vec<f64> = found
         .iter()
         .map(|each| {
@@ -99,8 +138,8 @@ fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64)
             anchors.iter().filter(|anchor| anchor.1 != each.index).map(key).fold(f64::INFINITY, f64::min) * sign
         })
         .collect();
-    let class = found.iter().map(|each| each.class).fold(0.0, f64::max);
-    let rivals = keys.iter().zip(found).filter(|(key, each)| key.is_finite() && each.class >= 0.9 * class);
+    let top = found.iter().map(|each| each.rank).fold(0.0, f64::max);
+    let rivals = keys.iter().zip(found).filter(|(key, each)| key.is_finite() && each.rank >= RIVAL * top);
     let best = rivals.map(|(key, _)| *key).fold(f64::INFINITY, f64::min);
     keys.iter()
         .map(|key| {

@@ -18,14 +18,18 @@ pub struct Class {
     pub text: String,
     /// The first word of the synonym group, for example `mug`; equal to `text` when no table knows it.
     pub canonical: String,
+    /// Whether it was written as a plural.
+    #[serde(default)]
+    pub is_plural: bool,
 }
 
 impl Class {
     /// Normalises `text`; empty text gives the empty class, which matches nothing.
     pub fn new(text: &str) -> Class {
-        let text = singular_phrase(&normalise(text));
+        let said = normalise(text);
+        let text = singular_phrase(&said);
         let canonical = canonical(&text).unwrap_or(&text).to_string();
-        Class { text, canonical }
+        Class { is_plural: said != text, text, canonical }
     }
 
     /// True for words that stand for any object ("thing", "object", "one", "item").
