@@ -21,6 +21,8 @@ const FLOOR: f64 = 0.02;
 const WORTHY: f64 = 0.15;
 /// Gap below which one thing rests on the other, metres.
 const TOUCH_M: f64 = 0.06;
+/// Weight of a thing with another word where one bears the very word that was said.
+const OTHER_WORD: f64 = 0.45;
 /// Most anchors that are looked at.
 const MAX_ANCHORS: usize = 12;
 
@@ -31,7 +33,8 @@ pub(crate) fn class(asked: &Class, found: &mut [Match], scene: &Scene) {
         let label = scene.things[each.index].classes.first().map(|(class, _)| &scene.classes[*class as usize]);
         // Where one label is "kitchen cabinet" and another "kitchen cabinets", the number tells them apart.
         let number = label.is_none_or(|label| label.is_plural == asked.is_plural);
-        each.rank *= (each.class / best).powi(4) * if number { 1.0 } else { 0.45 };
+        let word = if each.class < best { OTHER_WORD * (each.class / best).powi(4) } else { 1.0 };
+        each.rank *= word * if number { 1.0 } else { 0.45 };
     }
 }
 
