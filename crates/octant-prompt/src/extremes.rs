@@ -55,10 +55,12 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], score: impl Fn(&mu
 /// The key by which a superlative orders: the wanted end is the least.
 fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
     let boxes: Vec<&Aabb> = remaining.iter().map(|index| &scene.things[found[*index].index].bounds).collect();
-    let middle = Point3::from(
+    let mean = Point3::from(
         boxes.iter().map(|bounds| bounds.center().coords).sum::<nalgebra::Vector3<f64>>() / boxes.len() as f64,
     );
-    let forward = viewer.forward_to(&middle);
+    // Two things have no middle one: then that of the scene counts.
+    let middle = if boxes.len() > 2 { mean } else { scene_middle(scene) };
+    let forward = viewer.forward_to(&mean);
     let left = Vector2::new(-forward.y, forward.x);
     let key = |bounds: &Aabb| {
         let (center, sides) = (bounds.center(), bounds.sides_m());
@@ -78,14 +80,26 @@ fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &
             Superlative::Rightmost => offset.dot(&left),
             Superlative::Middle => (center - middle).xy().norm(),
             Superlative::Corner => -corner_key_m(bounds, scene),
+            Superlative::Alone => -alone_key_m(bounds, &boxes),
         }
     };
-    boxes.into_iter().map(key).collect()
+    boxes.iter().copied().map(key).collect()
+}
+
+/// Gap to the nearest of the others.
+fn alone_key_m(bounds: &Aabb, all: &[&Aabb]) -> f64 {
+    let others = all.iter().filter(|other| !std::ptr::eq(**other, bounds));
+    others.map(|other| other.gap_m(bounds)).fold(f64::INFINITY, f64::min).min(100.0)
 }
 
 /// Distance from the middle of all things along both axes: large in the corners.
 fn corner_key_m(bounds: &Aabb, scene: &Scene) -> f64 {
-    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b)).unwrap_or(*bounds);
-    let offset = (bounds.center() - all.center()).xy();
+    let offset = (bounds.center() - scene_middle(scene)).xy();
     offset.x.abs().min(offset.y.abs())
+}
+
+/// Middle of the box round all things.
+fn scene_middle(scene: &Scene) -> Point3<f64> {
+    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b));
+    all.map_or_else(Point3::origin, |all| all.center())
 }

@@ -13,7 +13,7 @@ use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelati
 use crate::relations::{Shape, Viewer, facing_front, between_score, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
 use crate::singling;
-use crate::vocabulary::{class_similarity, is_container, kind_similarity};
+use crate::vocabulary::{class_similarity, is_container, kind_similarity, stand_in};
 
 /// What counts as "yes".
 #[derive(Debug, Clone, PartialEq)]
@@ -142,6 +142,9 @@ pub fn room_score(reference: &RoomReference, room: usize, scene: &Scene, viewer_
     name * contents
 }
 
+/// Class scores below this are no answer at all.
+const LEAST_CLASS: f64 = 0.05;
+
 fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Vec<Match> {
     let mut similarity: Vec<f64> = scene.classes.iter().map(|class| class_similarity(&goal.class, class)).collect();
     if similarity.contains(&1.0) {
@@ -149,11 +152,14 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         const OTHER_WORD: f64 = 0.75;
         similarity.iter_mut().filter(|value| **value == 0.95).for_each(|value| *value *= OTHER_WORD);
     }
+    if similarity.iter().all(|value| *value <= LEAST_CLASS) {
+        similarity = scene.classes.iter().map(|class| stand_in(&goal.class, class)).collect();
+    }
     let mut found: Vec<Match> = Vec::new();
     for (index, thing) in scene.things.iter().enumerate() {
         let class =
             thing.classes.iter().map(|(class, weight)| similarity[*class as usize] * weight).fold(0.0, f64::max);
-        if class > 0.05 {
+        if class > LEAST_CLASS {
             found.push(Match {
                 id: thing.id,
                 index,
@@ -213,6 +219,16 @@ fn rooms(goal: &Referring, scene: &Scene, viewer: &Viewer) -> Option<Vec<f64>> {
 
 /// Multiplies the score of one relation clause into every candidate.
 fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+    if is_on_the_floor(clause) {
+        let lowest_m = scene.things.iter().map(|thing| thing.bounds.min.z).fold(f64::INFINITY, f64::min);
+        for each in found.iter_mut() {
+            let height_m = scene.things[each.index].bounds.min.z - lowest_m;
+            let score = (-(height_m - FLOOR_ERROR_M).max(0.0) / 0.2).exp();
+            multiply(each, if clause.negated { 1.0 - score } else { score });
+            each.rank *= (if clause.negated { 1.0 - score } else { score }).max(0.05);
+        }
+        return;
+    }
     let anchors: Vec<Vec<Match>> =
         clause.anchors.iter().map(|anchor| matches(anchor, scene, viewer, depth + 1)).collect();
     let scores: Vec<f64> = match clause.relation {
@@ -230,11 +246,24 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
         }
     }
     for (each, score) in found.iter_mut().zip(scores) {
-        const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
-        let score = if clause.negated { 1.0 - score } else { score }.clamp(FLOOR, 1.0);
-        each.weakest_relation = each.weakest_relation.min(score);
-        each.total *= score;
+        multiply(each, if clause.negated { 1.0 - score } else { score });
     }
+}
+
+fn multiply(each: &mut Match, score: f64) {
+    const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
+    let score = score.clamp(FLOOR, 1.0);
+    each.weakest_relation = each.weakest_relation.min(score);
+    each.total *= score;
+}
+
+/// Height above the lowest thing known at which something may still stand on the floor, metres.
+const FLOOR_ERROR_M: f64 = 0.2;
+
+/// "on the floor": every storey has one, whether or not it is among the things.
+fn is_on_the_floor(clause: &RelationClause) -> bool {
+    clause.relation == SpatialRelation::On
+        && matches!(clause.anchors.as_slice(), [floor] if matches!(floor.class.text.as_str(), "floor" | "ground"))
 }
 
 pub(crate) fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {

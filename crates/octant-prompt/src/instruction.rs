@@ -254,6 +254,7 @@ pub enum Superlative {
     Backmost,
     Middle,
     Corner,
+    Alone,
 }
 
 impl Superlative {
@@ -277,6 +278,7 @@ impl Superlative {
             Superlative::Backmost => "backmost",
             Superlative::Middle => "in the middle",
             Superlative::Corner => "in the corner",
+            Superlative::Alone => "alone",
         }
     }
 }

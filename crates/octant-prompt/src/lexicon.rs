@@ -225,7 +225,7 @@ const ROWS: &[(Mark, &str)] = &[
         looking for, we want, you need"),
     (Mark::Copula, "is, are, was, be, were, thats, its the, located, placed, situated, positioned, standing, sitting, lying, \
         laying, resting, found, hanging, stands, sits, lies, being, can be found, set, mounted, kept, directly, \
-        immediately, just, theres, seen, stored, placed right, leaning, you see, appears, seems, looks"),
+        immediately, just, theres, seen, stored, placed right, leaning, am, you see, appears, seems, looks"),
     (Mark::Of, "of, out of"),
     (Mark::From, "from, starting from, counting from, when counted from, to"),
     (Mark::One, "one, ones"),
@@ -273,10 +273,14 @@ const ROWS: &[(Mark, &str)] = &[
         right side, right side, right one, furthest right, farthest right, furthest to the right, farthest to \
         the right, all the way to the right, on the right wall, righthand, on the righthand side, right handed, to the far right, at the far right, the right most, right hand side"),
     (Mark::Superlative(S::Frontmost), "frontmost, front most, in front, in the front, at the front, up front"),
-    (Mark::Superlative(S::Backmost), "backmost, back most, at the back, in the back, rearmost, in back"),
+    (Mark::Superlative(S::Backmost), "backmost, back most, at the back, in the back, rearmost, in back, back"),
     (Mark::Superlative(S::Middle), "middle, in the middle, in the middle of the room, in the center, in the centre, center, centre, central, \
         in the center of the room, in the centre of the room, middlemost"),
-    (Mark::Superlative(S::Corner), "in the corner, in a corner, in the corner of the room, in the corner of, at the corner, corner"),
+    (Mark::Superlative(S::Corner), "in the corner, in a corner, in the corner of the room, in the corner of, at the corner, corner, in the far corner, in the far corner of the room, far corner, \
+        in the back corner"),
+    (Mark::Superlative(S::Alone), "alone, by itself, all by itself, on its own, by themselves, all alone, standing alone, off by itself, \
+        sitting alone, isolated, separate, separated from the others, standing by itself, sitting by itself, \
+        stands alone, sits alone, away from the others"),
     (Mark::Size(S::Largest), "large, big, huge, great"),
     (Mark::Size(S::Smallest), "small, little, tiny, compact"),
     (Mark::Size(S::Tallest), "tall"),

@@ -173,6 +173,7 @@ impl Parser<'_> {
             return false;
         };
         if anchor.class.text.is_empty() {
+            head.superlatives.extend(anchor.superlatives.iter().copied()); // "in the far corner of the room"
             if let Some(floor) = anchor.floor {
                 head.floor = Some(floor);
             }
@@ -241,6 +242,10 @@ impl Parser<'_> {
                 }
             }
             return true;
+        }
+        let mut first = first;
+        if first.class.text == "one" && !(first.attributes.is_empty() && first.superlatives.is_empty()) {
+            first.class = head.class.clone(); // "the black chair next to the red one"
         }
         if first.class.is_wildcard() && first.relations.is_empty() {
             return true;

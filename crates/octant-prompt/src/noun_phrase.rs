@@ -27,6 +27,7 @@ impl Parser<'_> {
                         );
                         let superlatives = if is_part { Vec::new() } else { std::mem::take(&mut out.superlatives) };
                         out = anchor;
+                        out.class.is_plural &= is_part;
                         out.superlatives.extend(superlatives);
                         has_noun = true;
                         break;
@@ -67,6 +68,11 @@ impl Parser<'_> {
                     let count = self.noun_words();
                     let words: Vec<&str> =
                         self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
+                    if self.mark_at(count) == Some(Mark::One) && !self.is_known(&singular_phrase(&words.join(" "))) {
+                        out.attributes.extend(words.iter().map(|word| any_adjective(word)));
+                        self.at += count;
+                        continue; // "the round one"
+                    }
                     if self.adjectives(&words, &mut out) {
                         continue; // "the white small door"
                     }
@@ -189,11 +195,7 @@ impl Parser<'_> {
                     out.room = Some(room); // "the kitchen table"
                 } else {
                     for word in &words[..from] {
-                        out.attributes.push(adjective(word).unwrap_or_else(|| Attribute {
-                            kind: AttributeKind::Other,
-                            word: (*word).to_string(),
-                            negated: false,
-                        }));
+                        out.attributes.push(any_adjective(word));
                     }
                 }
                 out.class = Class::new(&words[from..].join(" "));
@@ -229,6 +231,12 @@ pub(crate) fn adjective(word: &str) -> Option<Attribute> {
         return None;
     };
     Some(Attribute { kind: kind_and_word.0, word: kind_and_word.1, negated: false })
+}
+
+/// The same, any other word as it is.
+fn any_adjective(word: &str) -> Attribute {
+    let other = || Attribute { kind: AttributeKind::Other, word: word.to_string(), negated: false };
+    adjective(word).unwrap_or_else(other)
 }
 
 /// `kitchen`, `room 3`, `conference room`, or just `room`.

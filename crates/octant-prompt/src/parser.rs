@@ -146,6 +146,10 @@ impl<'a> Parser<'a> {
                             self.view_clause(ViewKind::Facing, 0)
                         }
                         Some(Mark::Enter) => self.view_clause(ViewKind::From, 0),
+                        // "if the plant is at the bottom, it is the left one": the condition is no part of the answer.
+                        Some(Mark::Determiner) if head.is_none() && self.comma_follows() => {
+                            self.skip(|mark| mark != Mark::Comma)
+                        }
                         _ => {}
                     }
                 }
@@ -153,14 +157,26 @@ impl<'a> Parser<'a> {
                     self.at += 1;
                     self.selection(&mut head);
                 }
-                Mark::Relation(_) | Mark::In if head.is_none() => {
+                Mark::Relation(relation) if head.is_none() && relation != SpatialRelation::Closest => {
+                    self.modifier(&mut fronted, 1);
+                }
+                Mark::In if head.is_none() => {
                     self.modifier(&mut fronted, 1);
                 }
                 Mark::Verb | Mark::Enter | Mark::Comma | Mark::Stop | Mark::Then | Mark::Pronoun | Mark::Copula => {
                     self.at += 1
                 }
                 _ => match &mut head {
-                    None => head = self.noun_phrase(0),
+                    None => {
+                        let before = self.last_class.clone();
+                        head = self.noun_phrase(0);
+                        if let (Some(head), Some(before)) = (&mut head, before) {
+                            if head.class.text == "one" {
+                                head.class = before; // "facing the sinks, it's the one on the right"
+                                head.class.is_plural = false;
+                            }
+                        }
+                    }
                     Some(head) => {
                         if !self.modifier(head, 0) {
                             self.continuation(head);
@@ -172,21 +188,25 @@ impl<'a> Parser<'a> {
                 self.at += 1; // nothing knows this token
             }
         }
-        let mut head = head?;
+        let mut head = match head {
+            Some(head) => head,
+            // "farthest from the sofa": of whatever was spoken of, or of all things.
+            None if fronted.relations.is_empty() && self.view.is_none() => return None,
+            None => Referring { class: self.last_class.clone().unwrap_or_else(|| Class::new("one")), ..Referring::default() },
+        };
         head.relations.extend(fronted.relations);
         head.superlatives.extend(fronted.superlatives);
         head.room = head.room.take().or(fronted.room);
-        if head.class.text == "one" {
-            // "facing the sinks, it's the one on the right"
-            if let Some(class) = &self.last_class {
-                head.class = class.clone();
-            }
-        }
         if let Some(view) = self.view.take() {
             head.view = Some(Box::new(view));
         }
         hoist_room(&mut head);
         Some(head)
+    }
+
+    fn comma_follows(&self) -> bool {
+        let rest = &self.tokens[self.at..];
+        rest.iter().position(|token| token.mark == Mark::Comma).is_some_and(|comma| comma + 1 < rest.len())
     }
 
     /// "There are two lamps on the desk. Choose the left one.": what is to be chosen is the head, what was said before is about it.

@@ -34,7 +34,7 @@ pub(crate) fn class(asked: &Class, found: &mut [Match], scene: &Scene) {
         // Where one label is "kitchen cabinet" and another "kitchen cabinets", the number tells them apart.
         let number = label.is_none_or(|label| label.is_plural == asked.is_plural);
         let word = if each.class < best { OTHER_WORD * (each.class / best).powi(4) } else { 1.0 };
-        each.rank *= word * if number { 1.0 } else { 0.45 };
+        each.rank *= word * if number { 1.0 } else { 0.7 };
     }
 }
 
@@ -132,7 +132,7 @@ fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64)
     /// Difference of distance that costs a factor of e, metres.
     const SCALE_M: f64 = 0.5;
     /// Candidates that are this much less meant by everything said before do not compete.
-    const RIVAL: f64 = 0.5;
+    const RIVAL: f64 = 0.75;
     let keys: Vec<f64> = found
         .iter()
         .map(|each| {

@@ -79,6 +79,20 @@ pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
     0.0
 }
 
+/// How well `label` can stand in for `asked` where no thing answers to the word itself: 0.3 for what is found at the same spot
+/// (curtains for a window), 0.25 for a shared word (`paper towel dispenser` for `paper dispenser`), else 0. Enough to look at as an
+/// anchor, never enough to stop at.
+pub fn stand_in(asked: &Class, label: &Class) -> f64 {
+    let of = |name: &str| TABLES.stand_ins.get(name);
+    let known = of(&asked.text).or_else(|| of(&asked.canonical)).or_else(|| of(asked.head()));
+    if known.is_some_and(|names| names.contains(label.text.as_str()) || names.contains(label.canonical.as_str())) {
+        return 0.3;
+    }
+    let mut words = label.text.split(' ').filter(|word| word.len() > 2);
+    let shares = words.any(|word| asked.text.split(' ').any(|other| other == word));
+    if shares { 0.25 } else { 0.0 }
+}
+
 /// Whether a thing of class `label` answers to the noun of an instruction: the same word, a synonym, or a kind of it.
 pub fn is_kind_of(label: &str, noun: &str) -> bool {
     class_similarity(&Class::new(noun), &Class::new(label)) >= 0.6
@@ -259,6 +273,8 @@ struct Tables {
     canonical: HashMap<&'static str, &'static str>,
     /// Numbers of the look-alike groups a class is in.
     look_alikes: HashMap<&'static str, Vec<usize>>,
+    /// Labels that stand in for a class.
+    stand_ins: HashMap<&'static str, HashSet<&'static str>>,
     group: HashMap<&'static str, &'static str>,
     large: HashSet<&'static str>,
     kinds: Vec<&'static str>,
@@ -286,6 +302,10 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
             look_alikes.entry(word).or_default().push(number);
         }
     }
+    let stand_ins = tables::STAND_INS
+        .lines()
+        .filter_map(|line| words(line).next().map(|first| (first, words(line).skip(1).collect())))
+        .collect();
     let mut group = HashMap::new();
     for (name, list) in tables::GROUPS.lines().filter_map(|line| line.split_once(':')) {
         for word in words(list) {
@@ -316,6 +336,7 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     Tables {
         canonical: first_of(tables::SYNONYMS),
         look_alikes,
+        stand_ins,
         group,
         large: words(tables::LARGE_OR_FIXED).collect(),
         kinds,
