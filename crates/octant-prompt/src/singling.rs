@@ -5,7 +5,7 @@
 //! where a desk stands. These are the scores by which candidates are ordered.
 
 use dsg::Aabb;
-use nalgebra::Vector2;
+use nalgebra::{Point2, Vector2};
 
 use crate::grounding::{Match, shape};
 use crate::instruction::SpatialRelation;
@@ -33,7 +33,10 @@ pub(crate) fn class(asked: &Class, found: &mut [Match], scene: &Scene) {
         let label = scene.things[each.index].classes.first().map(|(class, _)| &scene.classes[*class as usize]);
         // Where one label is "kitchen cabinet" and another "kitchen cabinets", the number tells them apart.
         let number = label.is_none_or(|label| label.is_plural == asked.is_plural);
-        let word = if each.class < best { OTHER_WORD * (each.class / best).powi(4) } else { 1.0 };
+        // "bin": a storage bin bears the word, a trash can only its meaning.
+        let bears = label.is_some_and(|label| label.text.split(' ').next_back() == Some(asked.text.as_str()));
+        let class = if bears { each.class.max(0.95) } else { each.class };
+        let word = if class < best { OTHER_WORD * (class / best).powi(4) } else { 1.0 };
         each.rank *= word * if number { 1.0 } else { 0.7 };
     }
 }
@@ -67,6 +70,7 @@ pub(crate) fn relation(
             let second = if anchors.len() > 1 { worthy(&anchors[1]) } else { first.clone() };
             found.iter().map(|each| between(each, &first, &second, scene).max(FLOOR)).collect()
         }
+        SpatialRelation::Opposite => opposite(found, &first, scene),
         _ => found
             .iter()
             .map(|each| {
@@ -94,7 +98,7 @@ fn pair(relation: SpatialRelation, subject: &Shape, anchor: &Shape, viewer: &Vie
                 return score;
             }
             let corners = subject.oriented.map_or_else(|| plan_corners(subject.bounds), OrientedBox::corners);
-            0.5 * score + 0.5 * share_in_zone(relation, &corners, oriented)
+            0.25 * score + 0.75 * share_in_zone(relation, &corners, oriented)
         }
         // What a thing stands on carries it rather than being under it.
         SpatialRelation::Under if anchor.bounds.min.z - subject.bounds.max.z < TOUCH_M => 0.75 * score,
@@ -120,6 +124,34 @@ fn between(each: &Match, first: &[(f64, usize)], second: &[(f64, usize)], scene:
         }
     }
     top
+}
+
+/// "Across from": on the other side of the middle of the room, as seen from the anchor.
+fn opposite(found: &[Match], anchors: &[(f64, usize)], scene: &Scene) -> Vec<f64> {
+    let score = |each: &Match, &(weight, index): &(f64, usize)| {
+        let anchor = &scene.things[index];
+        let from = anchor.bounds.center().xy();
+        let across = middle_of_room(anchor.room, scene) - from;
+        let offset = scene.things[each.index].bounds.center().xy() - from;
+        let Some(inward) = across.try_normalize(1e-6) else { return FLOOR };
+        let along_m = offset.dot(&inward);
+        let aside_m = (offset - inward * along_m).norm();
+        if along_m <= 0.0 { FLOOR } else { weight * (-aside_m / (0.3 + along_m)).exp() }
+    };
+    found
+        .iter()
+        .map(|each| {
+            let others = anchors.iter().filter(|anchor| anchor.1 != each.index);
+            others.map(|anchor| score(each, anchor)).fold(FLOOR, f64::max)
+        })
+        .collect()
+}
+
+/// Plan middle of the box round everything in a room (round the things that no room holds, for None).
+fn middle_of_room(room: Option<usize>, scene: &Scene) -> Point2<f64> {
+    let things = scene.things.iter().filter(|thing| thing.room == room);
+    let all = things.map(|thing| thing.bounds).reduce(|a, b| a.union(&b));
+    all.map_or_else(Point2::origin, |all| all.center().xy())
 }
 
 /// The distance by which candidates compete: the gap, and a part of the distance of the centres for things that touch.

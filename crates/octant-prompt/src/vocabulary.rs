@@ -80,7 +80,7 @@ pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
 }
 
 /// How well `label` can stand in for `asked` where no thing answers to the word itself: 0.3 for what is found at the same spot
-/// (curtains for a window), 0.25 for a shared word (`paper towel dispenser` for `paper dispenser`), else 0. Enough to look at as an
+/// (curtains for a window), up to 0.3 for shared words (`paper towel dispenser` for `paper dispenser`), else 0. Enough to look at as an
 /// anchor, never enough to stop at.
 pub fn stand_in(asked: &Class, label: &Class) -> f64 {
     let of = |name: &str| TABLES.stand_ins.get(name);
@@ -88,9 +88,12 @@ pub fn stand_in(asked: &Class, label: &Class) -> f64 {
     if known.is_some_and(|names| names.contains(label.text.as_str()) || names.contains(label.canonical.as_str())) {
         return 0.3;
     }
-    let mut words = label.text.split(' ').filter(|word| word.len() > 2);
-    let shares = words.any(|word| asked.text.split(' ').any(|other| other == word));
-    if shares { 0.25 } else { 0.0 }
+    // A shared word counts by how much of the name it is, the last one most.
+    let asked_words = asked.text.split(' ').count() as f64;
+    let shared = asked.text.split(' ').filter(|word| word.len() > 2 && label.text.split(' ').any(|other| other == *word));
+    let head = label.text.split(' ').next_back() == asked.text.split(' ').next_back();
+    let share = shared.count() as f64 / asked_words;
+    if share > 0.0 { 0.1 + 0.1 * share + if head { 0.1 } else { 0.0 } } else { 0.0 }
 }
 
 /// Whether a thing of class `label` answers to the noun of an instruction: the same word, a synonym, or a kind of it.
