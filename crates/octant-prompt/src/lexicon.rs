@@ -227,7 +227,7 @@ const ROWS: &[(Mark, &str)] = &[
         laying, resting, found, hanging, stands, sits, lies, being, can be found, set, mounted, kept, directly, \
         immediately, just, theres, seen, stored, placed right, leaning, am, you see, appears, seems, looks"),
     (Mark::Of, "of, out of"),
-    (Mark::From, "from, starting from, counting from, when counted from, to"),
+    (Mark::From, "from, starting from, counting from, when counted from, through, via, to"),
     (Mark::One, "one, ones"),
     (Mark::Verb, "find, go, go to, go near, go towards, go toward, go over to, go up to, go back to, go and find, \
         approach, locate, look for, search for, search, get to, get, navigate to, navigate, walk to, walk over \

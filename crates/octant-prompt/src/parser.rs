@@ -267,7 +267,12 @@ impl<'a> Parser<'a> {
         {
             return; // "standing in the middle of the room facing ..."
         }
-        if let Some(anchor) = self.noun_phrase(depth + 1) {
+        let mut anchor = self.noun_phrase(depth + 1);
+        if kind == ViewKind::From && anchor.as_ref().is_some_and(|anchor| anchor.class.text.is_empty()) && self.mark() == Some(Mark::From) {
+            self.at += 1; // "enter the room through the double doors"
+            anchor = self.noun_phrase(depth + 1);
+        }
+        if let Some(anchor) = anchor {
             // "standing in the room facing the cups": whom one faces says more than where one stands.
             let view = View { kind, anchor };
             match &mut self.view {

@@ -16,7 +16,7 @@ use crate::sides::share_in_zone;
 use crate::vocabulary::Class;
 
 /// What is left of a candidate for which a relation does not hold at all.
-const FLOOR: f64 = 0.02;
+const FLOOR: f64 = 0.05;
 /// Anchors that are this much less meant than the best one are not looked at.
 const WORTHY: f64 = 0.15;
 /// Gap below which one thing rests on the other, metres.
@@ -37,7 +37,7 @@ pub(crate) fn class(asked: &Class, found: &mut [Match], scene: &Scene) {
         let bears = label.is_some_and(|label| label.text.split(' ').next_back() == Some(asked.text.as_str()));
         let class = if bears { each.class.max(0.95) } else { each.class };
         let word = if class < best { OTHER_WORD * (class / best).powi(4) } else { 1.0 };
-        each.rank *= word * if number { 1.0 } else { 0.7 };
+        each.rank *= word * if number { 1.0 } else { 0.85 };
     }
 }
 
@@ -162,9 +162,9 @@ fn key_m(a: &Aabb, b: &Aabb) -> f64 {
 /// Nearest (`sign` 1) or farthest (-1) among those of the class.
 fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
     /// Difference of distance that costs a factor of e, metres.
-    const SCALE_M: f64 = 0.5;
+    const SCALE_M: f64 = 0.8;
     /// Candidates that are this much less meant by everything said before do not compete.
-    const RIVAL: f64 = 0.75;
+    const RIVAL: f64 = 0.9;
     let keys: Vec<f64> = found
         .iter()
         .map(|each| {
