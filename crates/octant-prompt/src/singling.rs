@@ -18,7 +18,7 @@ use crate::vocabulary::Class;
 /// What is left of a candidate for which a relation does not hold at all.
 const FLOOR: f64 = 0.05;
 /// Anchors that are this much less meant than the best one are not looked at.
-const WORTHY: f64 = 0.15;
+const WORTHY: f64 = 0.4;
 /// Gap below which one thing rests on the other, metres.
 const TOUCH_M: f64 = 0.06;
 /// Weight of a thing with another word where one bears the very word that was said.
@@ -47,7 +47,7 @@ fn worthy(anchors: &[Match]) -> Vec<(f64, usize)> {
     let mut best: Vec<(f64, usize)> = anchors
         .iter()
         .filter(|anchor| anchor.rank >= WORTHY * top)
-        .map(|anchor| ((anchor.rank / top.max(1e-300)).sqrt(), anchor.index))
+        .map(|anchor| ((anchor.rank / top.max(1e-300)), anchor.index))
         .collect();
     best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     best.truncate(MAX_ANCHORS);
