@@ -206,6 +206,8 @@ pub enum SpatialRelation {
     Between,
     /// Across from, facing.
     Opposite,
+    /// At one of the short sides ("at the end of the table").
+    AtEnd,
 }
 
 impl SpatialRelation {
@@ -229,6 +231,7 @@ impl SpatialRelation {
             SpatialRelation::Behind => "behind",
             SpatialRelation::Between => "between",
             SpatialRelation::Opposite => "opposite",
+            SpatialRelation::AtEnd => "at the end of",
         }
     }
 }

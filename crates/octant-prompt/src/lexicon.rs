@@ -172,7 +172,7 @@ const ADVERBS: &[&str] = &[
 /// Words that say nothing about what is meant.
 const FILLERS: &str = "correct, much, specific, particular, particularly, please, hey, robot, kindly, now, quickly, slowly, very, \
     really, also, actually, exactly, slightly, me, carefully, hello, hi, so, but, currently, somewhat, kind of, \
-    sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, more, most, \
+    sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, six, seven, eight, nine, ten, several, few, many, multiple, more, most, \
     from the side you sit on it, from the side you sit on, tucked, tucked away, pushed, lined up, pushed in, set up, turned, \
     pair of, set of, row of, stack of, pile of, group of, couple of";
 
@@ -180,7 +180,7 @@ const FILLERS: &str = "correct, much, specific, particular, particularly, please
 #[rustfmt::skip]
 const ROWS: &[(Mark, &str)] = &[
     (Mark::Relation(R::Near), "near, near to, next to, right next to, nearby to, beside, besides, by, right by, close to, adjacent to, \
-        alongside, along, at, around, touching, at the end of, at the side, at the head of, at the foot of, at the base of, at the edge of, on the edge of, on the end of, on the same side as, along with, against, leaning against, leaning on, up against, attached to, \
+        alongside, along, at, around, touching, at the side, at the foot of, at the base of, at the edge of, on the edge of, on the same side as, along with, against, leaning against, leaning on, up against, attached to, \
         connected to, near by, in the vicinity of, not far from, on the side of, to the side of, at the side of, \
         off of, pushed up to, tucked into, standing by, sitting at, sitting by, standing next to, closer to, \
         nearer to, nearer"),
@@ -211,6 +211,8 @@ const ROWS: &[(Mark, &str)] = &[
         sandwiched between, in the middle between, inbetween, located between"),
     (Mark::Relation(R::Opposite), "opposite, opposite of, opposite to, across from, on the opposite side of, on the other side of, across, \
         opposite from, directly across from"),
+    (Mark::Relation(R::AtEnd), "at the end of, on the end of, at the head of, at the far end of, at one end of, at the short end of, on the short \
+        side of, at the other end of, at the very end of"),
     (Mark::In, "in, inside, within, inside of, into, in the inside of"),
     (Mark::With, "with, has, have, having, holding, that has, which has, containing, supporting, carrying, featuring"),
     (Mark::Without, "without, with no, that has no, that does not have, that doesnt have, has no, lacking, that dont have, does not have, doesnt have, do not have, without any, not having, no"),
@@ -281,6 +283,7 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::Superlative(S::Alone), "alone, by itself, all by itself, on its own, by themselves, all alone, standing alone, off by itself, \
         sitting alone, isolated, separate, separated from the others, standing by itself, sitting by itself, \
         stands alone, sits alone, away from the others"),
+    (Mark::Size(S::Alone), "single, lone, lonely, sole, solo, solitary"),
     (Mark::Size(S::Largest), "large, big, huge, great"),
     (Mark::Size(S::Smallest), "small, little, tiny, compact"),
     (Mark::Size(S::Tallest), "tall"),

@@ -234,6 +234,8 @@ impl Parser<'_> {
             // "at the kitchen", "on the second floor", "by the kitchen"
             if let Some(floor) = first.floor {
                 head.floor = Some(floor);
+            } else if let Some(side) = side_of_room(relation).filter(|_| !negated && names_no_room(&first)) {
+                head.superlatives.push(side);
             } else if let Some(room) = first.room {
                 if negated {
                     head.excluded_rooms.push(room);
@@ -299,7 +301,10 @@ impl Parser<'_> {
                     SpatialRelation::On => SpatialRelation::Supporting,
                     SpatialRelation::Under => SpatialRelation::Above,
                     SpatialRelation::Above => SpatialRelation::Under,
-                    SpatialRelation::Near => SpatialRelation::Near,
+                    // Which side of the other thing the head is on, nobody says: it is near.
+                    SpatialRelation::InFrontOf | SpatialRelation::Behind => SpatialRelation::Near,
+                    SpatialRelation::LeftOf => SpatialRelation::RightOf,
+                    SpatialRelation::RightOf => SpatialRelation::LeftOf,
                     other => other,
                 };
                 self.at = (self.at + 2).min(self.tokens.len());
@@ -320,4 +325,21 @@ impl Parser<'_> {
         head.relations.push(RelationClause { relation, anchors: vec![anchor], negated });
         true
     }
+}
+
+/// "on the left side of the room" is on the left.
+fn side_of_room(relation: SpatialRelation) -> Option<Superlative> {
+    Some(match relation {
+        SpatialRelation::LeftOf => Superlative::Leftmost,
+        SpatialRelation::RightOf => Superlative::Rightmost,
+        SpatialRelation::Between => Superlative::Middle,
+        SpatialRelation::Behind => Superlative::Backmost,
+        SpatialRelation::InFrontOf => Superlative::Frontmost,
+        _ => return None,
+    })
+}
+
+/// "the room", neither by name nor by kind nor by what is in it.
+fn names_no_room(reference: &Referring) -> bool {
+    reference.room.as_ref().is_some_and(|room| room.name.is_empty() && room.kind.is_none() && room.contains.is_empty())
 }

@@ -303,6 +303,13 @@ fn is_part(class: &Class) -> bool {
         "type",
         "direction",
         "length",
+        "roll",
+        "portion",
+        "section",
+        "middle",
+        "center",
+        "top",
+        "bottom",
     ];
     PARTS.contains(&class.head())
 }

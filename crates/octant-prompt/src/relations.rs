@@ -60,6 +60,7 @@ pub fn relation_score(relation: SpatialRelation, subject: &Shape, anchor: &Shape
         SpatialRelation::Containing => inside(b, a).max(if subject.is_container { on(b, a, true) } else { 0.0 }),
         SpatialRelation::With => on(b, a, subject.is_container).max(inside(b, a)).max(0.9 * near(a, b)),
         SpatialRelation::Opposite => 1.0 / (1.0 + (nearness_key_m(a, b) / 3.0).powi(3)),
+        SpatialRelation::AtEnd => near(a, b) * (0.4 + 0.6 * at_end(a, b)),
         SpatialRelation::Between => near(a, b),
         SpatialRelation::LeftOf | SpatialRelation::RightOf | SpatialRelation::InFrontOf | SpatialRelation::Behind => {
             lateral(relation, a, anchor, viewer)
@@ -75,6 +76,18 @@ pub fn nearness_key_m(a: &Aabb, b: &Aabb) -> f64 {
 
 fn near(a: &Aabb, b: &Aabb) -> f64 {
     1.0 / (1.0 + (nearness_key_m(a, b) / NEAR_HALF_M).powi(3))
+}
+
+/// 1 beyond a short side of `b`, 0 beyond a long one; 1 for a square.
+fn at_end(a: &Aabb, b: &Aabb) -> f64 {
+    let half = b.sides_m().xy() / 2.0;
+    let offset = (a.center() - b.center()).xy().abs();
+    let (over_x_m, over_y_m) = (offset.x - half.x, offset.y - half.y);
+    let (over_end_m, over_side_m) = if half.x >= half.y { (over_x_m, over_y_m) } else { (over_y_m, over_x_m) };
+    if half.x.max(half.y) < 1.2 * half.x.min(half.y) {
+        return 1.0;
+    }
+    1.0 / (1.0 + (-6.0 * (over_end_m - over_side_m)).exp())
 }
 
 fn on(a: &Aabb, b: &Aabb, container: bool) -> f64 {

@@ -70,6 +70,17 @@ pub(crate) fn relation(
             let second = if anchors.len() > 1 { worthy(&anchors[1]) } else { first.clone() };
             found.iter().map(|each| between(each, &first, &second, scene).max(FLOOR)).collect()
         }
+        SpatialRelation::AtEnd => {
+            let near = nearness(found, &first, scene, 1.0);
+            let ends = found.iter().map(|each| {
+                let subject = shape(&scene.things[each.index], scene);
+                let score = |&(weight, index): &(f64, usize)| {
+                    weight * relation_score(relation, &subject, &shape(&scene.things[index], scene), viewer)
+                };
+                first.iter().map(score).fold(FLOOR, f64::max)
+            });
+            near.into_iter().zip(ends).map(|(near, end)| near.sqrt() * end).collect()
+        }
         SpatialRelation::Opposite => opposite(found, &first, scene),
         _ => found
             .iter()
@@ -99,6 +110,11 @@ fn pair(relation: SpatialRelation, subject: &Shape, anchor: &Shape, viewer: &Vie
             }
             let corners = subject.oriented.map_or_else(|| plan_corners(subject.bounds), OrientedBox::corners);
             0.25 * score + 0.75 * share_in_zone(relation, &corners, oriented)
+        }
+        // Under a window or a picture: what hangs on a wall has no footprint to be under.
+        SpatialRelation::Under if subject.bounds.footprint_overlap(anchor.bounds) <= 0.0 => {
+            let is_lower = subject.bounds.center().z < anchor.bounds.center().z;
+            if is_lower { 0.6 * (-2.0 * subject.bounds.horizontal_gap_m(anchor.bounds)).exp() } else { 0.0 }
         }
         // What a thing stands on carries it rather than being under it.
         SpatialRelation::Under if anchor.bounds.min.z - subject.bounds.max.z < TOUCH_M => 0.75 * score,
