@@ -6,6 +6,7 @@ use crate::instruction::{
 use crate::lexicon::Mark;
 use crate::noun_phrase::{adjective, room_follows};
 use crate::parser::Parser;
+use crate::vocabulary::Class;
 
 impl Parser<'_> {
     /// Reads one modifier of `head`; false if the next tokens are none.
@@ -314,6 +315,16 @@ impl Parser<'_> {
                 self.at = (self.at + 2).min(self.tokens.len());
             }
             _ => {}
+        }
+        // "with nothing on it", "without anything on top"
+        let is_nothing = matches!(anchor.class.text.as_str(), "nothing" | "none");
+        let is_anything = negated && matches!(anchor.class.text.as_str(), "anything" | "thing" | "something" | "object" | "item");
+        if is_nothing || is_anything {
+            let on_it = matches!(relation, SpatialRelation::Supporting | SpatialRelation::Containing);
+            let relation = if on_it { relation } else { SpatialRelation::Supporting };
+            anchor.class = Class::new("thing");
+            head.relations.push(RelationClause { relation, anchors: vec![anchor], negated: true });
+            return true;
         }
         if anchor.class.text.is_empty() || anchor.class.is_wildcard() {
             return true;

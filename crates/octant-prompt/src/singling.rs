@@ -70,16 +70,19 @@ pub(crate) fn relation(
             let second = if anchors.len() > 1 { worthy(&anchors[1]) } else { first.clone() };
             found.iter().map(|each| between(each, &first, &second, scene).max(FLOOR)).collect()
         }
-        SpatialRelation::AtEnd => {
+        SpatialRelation::AtEnd | SpatialRelation::InFrontOf | SpatialRelation::Behind => {
             let near = nearness(found, &first, scene, 1.0);
-            let ends = found.iter().map(|each| {
+            let sides = found.iter().map(|each| {
                 let subject = shape(&scene.things[each.index], scene);
                 let score = |&(weight, index): &(f64, usize)| {
-                    weight * relation_score(relation, &subject, &shape(&scene.things[index], scene), viewer)
+                    weight * pair(relation, &subject, &shape(&scene.things[index], scene), viewer)
                 };
-                first.iter().map(score).fold(FLOOR, f64::max)
+                first.iter().filter(|anchor| anchor.1 != each.index).map(score).fold(FLOOR, f64::max)
             });
-            near.into_iter().zip(ends).map(|(near, end)| near.sqrt() * end).collect()
+            // Without a front of its own a thing has no sides that people agree about; they mean what is near.
+            let has_sides = relation != SpatialRelation::AtEnd && first.iter().any(|(_, index)| scene.things[*index].front.is_some());
+            let weight = if has_sides { 0.0 } else { 0.4 };
+            near.into_iter().zip(sides).map(|(near, side)| near.powf(weight) * side).collect()
         }
         SpatialRelation::Opposite => opposite(found, &first, scene),
         _ => found

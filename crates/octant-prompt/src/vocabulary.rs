@@ -409,6 +409,6 @@ mod tests {
         for class in TABLES.affinities.keys().chain(TABLES.group.keys()).chain(TABLES.look_alikes.keys()) {
             assert_eq!(canonical(class).unwrap_or(class), *class, "tables other than the synonyms use canonical names");
         }
-        assert_eq!((TABLES.kinds.len(), TABLES.colors.len()), (17, 23));
+        assert_eq!((TABLES.kinds.len(), TABLES.colors.len()), (17, 26));
     }
 }

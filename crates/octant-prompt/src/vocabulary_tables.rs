@@ -344,6 +344,9 @@ golden 200 165 70
 gold 200 165 70
 maroon 110 35 40
 navy 35 45 95
+dark 45 42 40
+ivory 235 230 210
+lavender 180 160 200
 ";
 
 /// Materials; the first word is the canonical one.
