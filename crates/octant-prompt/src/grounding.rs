@@ -227,6 +227,7 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
             multiply(each, if clause.negated { 1.0 - score } else { score });
             each.rank *= (if clause.negated { 1.0 - score } else { score }).max(0.05);
         }
+        pass_on(&clause.anchors[0], found, scene, viewer, depth);
         return;
     }
     let anchors: Vec<Vec<Match>> =
@@ -244,10 +245,29 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
         for (each, rank) in found.iter_mut().zip(ranks) {
             each.rank *= if clause.negated { 1.02 - rank } else { rank };
         }
+        if let ([anchor], [[_]]) = (clause.anchors.as_slice(), anchors.iter().map(Vec::as_slice).collect::<Vec<_>>().as_slice()) {
+            pass_on(anchor, found, scene, viewer, depth);
+        }
     }
     for (each, score) in found.iter_mut().zip(scores) {
         multiply(each, if clause.negated { 1.0 - score } else { score });
     }
+}
+
+/// "the box on the shelf next to the door", where there is one shelf: what is said about the only one is meant to tell the boxes apart.
+fn pass_on(anchor: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+    for clause in &anchor.relations {
+        let anchors: Vec<Vec<Match>> =
+            clause.anchors.iter().map(|anchor| matches(anchor, scene, viewer, depth + 1)).collect();
+        if anchors.iter().all(|anchors| !anchors.is_empty()) {
+            let ranks = singling::relation(clause.relation, found, &anchors, scene, viewer);
+            for (each, rank) in found.iter_mut().zip(ranks) {
+                each.rank *= if clause.negated { 1.02 - rank } else { rank };
+            }
+        }
+    }
+    let said = Referring { superlatives: anchor.superlatives.clone(), ordinal: None, ..Referring::default() };
+    extremes(&said, found, |each| &mut each.rank, scene, viewer);
 }
 
 fn multiply(each: &mut Match, score: f64) {

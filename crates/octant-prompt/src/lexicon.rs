@@ -264,7 +264,7 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::Superlative(S::Longest), "longest, longer"),
     (Mark::Superlative(S::Widest), "widest, wider, broadest"),
     (Mark::Superlative(S::Narrowest), "narrowest, thinnest, thinner, narrower, skinnier"),
-    (Mark::Superlative(S::Highest), "highest, topmost, uppermost, upper, higher, top, at the top, on the top, on top, higher up"),
+    (Mark::Superlative(S::Highest), "highest, topmost, uppermost, upper, higher, top, at the top, on the top, on top, on its top, higher up"),
     (Mark::Superlative(S::Lowest), "lowest, bottommost, lower, bottom, at the bottom, on the bottom"),
     (Mark::Superlative(S::Leftmost), "leftmost, left most, left, on the left, to the left, on the left side, at the left, on your left, to \
         your left, far left, on the far left, on the left hand side, left hand, on left, the left side, on the \

@@ -133,6 +133,7 @@ impl<'a> Parser<'a> {
         let mut head: Option<Referring> = None;
         // "On the desk with a lamp, choose the book on the right": what stands before the head.
         let mut fronted = Referring::default();
+        self.existential(&mut head);
         while self.at < self.tokens.len() {
             let before = self.at;
             match self.tokens[self.at].mark {
@@ -204,6 +205,24 @@ impl<'a> Parser<'a> {
         Some(head)
     }
 
+    /// "There are some plants next to this cabinet.": the cabinet is meant, and the plants are near it.
+    fn existential(&mut self, head: &mut Option<Referring>) {
+        if self.tokens.first().is_none_or(|token| token.text != "there") {
+            return;
+        }
+        let this = |token: &Token| matches!(token.text.as_str(), "this" | "these");
+        let Some(at) = self.tokens.iter().position(this).filter(|at| *at > 1) else { return };
+        let mut before = Parser::new(&self.tokens[..at], self.known);
+        let there = before.noun_phrase(0).filter(|there| !there.class.text.is_empty() && !there.class.is_wildcard());
+        self.at = at;
+        *head = self.noun_phrase(0).filter(|head| !head.class.text.is_empty());
+        if let (Some(head), Some(mut there)) = (head, there) {
+            there.relations.clear();
+            let negated = self.tokens[..at].iter().any(|token| matches!(token.mark, Mark::Without | Mark::Not));
+            head.relations.push(RelationClause { relation: SpatialRelation::Near, anchors: vec![there], negated });
+        }
+    }
+
     fn comma_follows(&self) -> bool {
         let rest = &self.tokens[self.at..];
         rest.iter().position(|token| token.mark == Mark::Comma).is_some_and(|comma| comma + 1 < rest.len())
@@ -217,16 +236,19 @@ impl<'a> Parser<'a> {
             self.at = before;
             return;
         };
-        let Some(earlier) = head.take() else { return };
-        let same = chosen.class.is_wildcard() || chosen.class.canonical == earlier.class.canonical;
-        if same {
+        let Some(mut earlier) = head.take() else { return };
+        chosen.room = chosen.room.take().or(earlier.room.take());
+        chosen.floor = chosen.floor.or(earlier.floor);
+        if earlier.class.text.is_empty() {
+            // Only a room was named before.
+        } else if chosen.class.is_wildcard() || chosen.class.canonical == earlier.class.canonical {
             if chosen.class.is_wildcard() {
                 chosen.class = earlier.class;
             }
             chosen.attributes.extend(earlier.attributes);
             chosen.relations.extend(earlier.relations);
             chosen.superlatives.extend(earlier.superlatives);
-        } else if !earlier.class.text.is_empty() && !earlier.class.is_wildcard() {
+        } else if !earlier.class.is_wildcard() {
             chosen.relations.push(RelationClause {
                 relation: SpatialRelation::Near,
                 anchors: vec![earlier],

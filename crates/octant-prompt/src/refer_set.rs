@@ -11,7 +11,9 @@ use dsg::{Aabb, ObjectId};
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
+use crate::grounding::ground;
 use crate::oriented_box::OrientedBox;
+use crate::parser::parse_referring;
 use crate::scene::{Scene, Thing};
 
 /// What a grounder may see of an utterance.
@@ -76,6 +78,22 @@ pub enum ReferSetError {
     /// Two objects of a scene have one id.
     #[error("object {0} stands twice in its scene")]
     Twice(u64),
+}
+
+/// The object a sentence means, for a viewer in the middle of the scene: text and boxes in, id out. None if nothing in the scene
+/// answers to any noun of the sentence.
+pub fn answer(text: &str, scene: &Scene) -> Option<ObjectId> {
+    let labels: Vec<&str> = scene.classes.iter().map(|class| class.text.as_str()).collect();
+    let goal = parse_referring(text, &labels)?;
+    ground(&goal, scene, &middle(scene)).first().map(|found| found.id)
+}
+
+/// At eye height over the middle of everything.
+fn middle(scene: &Scene) -> Point3<f64> {
+    /// Of somebody who stands, metres.
+    const EYE_HEIGHT_M: f64 = 1.5;
+    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b));
+    all.map_or_else(Point3::origin, |all| Point3::new(all.center().x, all.center().y, EYE_HEIGHT_M))
 }
 
 #[derive(Deserialize)]

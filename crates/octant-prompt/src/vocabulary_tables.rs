@@ -78,7 +78,7 @@ printer
 photocopier, copier, copy machine, copying machine
 phone, telephone, smartphone, cell phone, mobile phone, cellphone, desk phone
 speaker, loudspeaker
-backpack, rucksack, knapsack
+backpack, rucksack, knapsack, back pack, book bag, bookbag
 suitcase, luggage, trolley case
 bag, handbag, purse
 box, cardboard box, carton, package
