@@ -79,6 +79,9 @@ pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
     0.0
 }
 
+/// Most that a thing counts which only stands in for a word.
+pub const STAND_IN: f64 = 0.3;
+
 /// How well `label` can stand in for `asked` where no thing answers to the word itself: 0.3 for what is found at the same spot
 /// (curtains for a window), up to 0.3 for shared words (`paper towel dispenser` for `paper dispenser`), else 0. Enough to look at as an
 /// anchor, never enough to stop at.
@@ -86,7 +89,7 @@ pub fn stand_in(asked: &Class, label: &Class) -> f64 {
     let of = |name: &str| TABLES.stand_ins.get(name);
     let known = of(&asked.text).or_else(|| of(&asked.canonical)).or_else(|| of(asked.head()));
     if known.is_some_and(|names| names.contains(label.text.as_str()) || names.contains(label.canonical.as_str())) {
-        return 0.3;
+        return STAND_IN;
     }
     // A shared word counts by how much of the name it is, the last one most.
     let asked_words = asked.text.split(' ').count() as f64;
