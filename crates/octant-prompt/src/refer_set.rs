@@ -11,7 +11,7 @@ use dsg::{Aabb, ObjectId};
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
-use crate::grounding::ground;
+use crate::grounding::{Match, ground};
 use crate::oriented_box::OrientedBox;
 use crate::parser::parse_referring;
 use crate::scene::{Scene, Thing};
@@ -83,9 +83,31 @@ pub enum ReferSetError {
 /// The object a sentence means, for a viewer in the middle of the scene: text and boxes in, id out. None if nothing in the scene
 /// answers to any noun of the sentence.
 pub fn answer(text: &str, scene: &Scene) -> Option<ObjectId> {
+    ranked(text, scene).first().map(|found| found.id)
+}
+
+/// The same with what is known about these sets: whoever describes a thing has others of its class before his eyes.
+pub fn answer_with_prior(text: &str, scene: &Scene) -> Option<ObjectId> {
+    /// Weight of a thing that is the only one of its class.
+    const ONLY_ONE: f64 = 0.3;
+    let class = |thing: &Thing| thing.classes.first().map(|(class, _)| *class);
+    let mut count = vec![0_u32; scene.classes.len()];
+    for class in scene.things.iter().filter_map(class) {
+        count[class as usize] += 1;
+    }
+    let weight = |found: &Match| {
+        let is_only = class(&scene.things[found.index]).is_some_and(|class| count[class as usize] < 2);
+        found.rank * if is_only { ONLY_ONE } else { 1.0 }
+    };
+    let found = ranked(text, scene);
+    // Of equals the first: they are sorted.
+    let best = found.iter().reduce(|best, each| if weight(each) > weight(best) { each } else { best });
+    best.map(|found| found.id)
+}
+
+fn ranked(text: &str, scene: &Scene) -> Vec<Match> {
     let labels: Vec<&str> = scene.classes.iter().map(|class| class.text.as_str()).collect();
-    let goal = parse_referring(text, &labels)?;
-    ground(&goal, scene, &middle(scene)).first().map(|found| found.id)
+    parse_referring(text, &labels).map_or_else(Vec::new, |goal| ground(&goal, scene, &middle(scene)))
 }
 
 /// At eye height over the middle of everything.
