@@ -63,6 +63,7 @@
 pub mod action;
 pub mod actor_critic;
 mod attributes;
+pub mod bpe;
 pub mod budget;
 pub mod candidates;
 pub mod critic;
@@ -94,11 +95,13 @@ pub mod symbolic;
 pub mod tiers;
 pub mod tokens;
 pub mod tools;
+mod unicode_marks;
 pub mod vocabulary;
 pub mod vocabulary_tables;
 
 pub use action::{Action, Target};
 pub use actor_critic::{Attempt, DecisionRecord, decide_with_critic};
+pub use bpe::{BytePairs, TokenizerError};
 pub use candidates::{Candidates, candidates};
 pub use critic::{Critic, Critique, CritiqueCode};
 pub use flat::{flat_json, flat_text, flat_text_in_body};
