@@ -3,14 +3,21 @@
 mod ask;
 mod barcode;
 mod bench;
+mod bench_page;
+mod bench_tiers;
+mod bench_tokens;
 mod dsg;
 mod floor_of_places;
 mod fuse;
 mod map;
 mod memory;
+mod nine_scenes;
 mod odometry;
+mod prompt_reader;
 mod record;
 mod recording_args;
+mod refer;
+mod refer_page;
 mod register;
 mod rooms;
 
@@ -47,7 +54,9 @@ enum Command {
     Record(record::RecordOptions),
     /// Where the sensors of a recording were: LiDAR-inertial odometry, written as a TUM trajectory
     Odometry(odometry::OdometryOptions),
-    /// Measures the whole system
+    /// Which objects sentences mean: the grounder on recorded rooms with labelled boxes, scored
+    Refer(refer::ReferOptions),
+    /// Measures the whole system and its parts
     #[command(subcommand)]
     Bench(BenchCommand),
 }
@@ -60,6 +69,10 @@ enum BenchCommand {
     Coverage(bench::CoverageOptions),
     /// The scene graph after a survey against the truth: objects, places, doorways, relations, groups, ids of rooms
     Map(bench::MapOptions),
+    /// What a prompt costs on nine scenes, beside flat lists, and how it grows with the building
+    Tokens(bench_tokens::TokensOptions),
+    /// Whether a prompt says enough: right answers of readers that get nothing else
+    Tiers(bench_tiers::TiersOptions),
 }
 
 fn main() -> ExitCode {
@@ -76,6 +89,9 @@ fn main() -> ExitCode {
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),
+        Command::Bench(BenchCommand::Tokens(options)) => bench_tokens::run(&options),
+        Command::Bench(BenchCommand::Tiers(options)) => bench_tiers::run(&options),
+        Command::Refer(options) => refer::run(&options),
     };
     match result {
         Ok(code) => code,

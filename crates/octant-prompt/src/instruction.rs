@@ -37,6 +37,14 @@ impl Instruction {
     }
 }
 
+impl Instruction {
+    /// The rooms that the targets of all steps name.
+    pub fn rooms(&self) -> Vec<RoomReference> {
+        let named = self.steps.iter().filter_map(|step| step.goal.room.clone());
+        named.filter(|room| !room.name.is_empty()).collect()
+    }
+}
+
 /// One step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Step {
@@ -295,6 +303,18 @@ pub struct RoomReference {
     pub kind: Option<String>,
     /// Things it must contain ("the room with the piano").
     pub contains: Vec<Referring>,
+}
+
+impl RoomReference {
+    /// Whether a room of the graph may be the one meant, by its name or its kind.
+    pub fn is_answered_by(&self, room: &dsg::Room) -> bool {
+        if self.name.is_empty() {
+            return false;
+        }
+        let name = crate::vocabulary::normalise(&room.name);
+        let kind = || room.kind.as_deref().and_then(crate::vocabulary::room_kind).or_else(|| crate::vocabulary::room_kind(&name));
+        name == self.name || self.kind.as_deref().is_some_and(|wanted| kind() == Some(wanted))
+    }
 }
 
 impl fmt::Display for RoomReference {

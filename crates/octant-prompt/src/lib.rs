@@ -104,7 +104,7 @@ pub use actor_critic::{Attempt, DecisionRecord, decide_with_critic};
 pub use bpe::{BytePairs, TokenizerError};
 pub use candidates::{Candidates, candidates};
 pub use critic::{Critic, Critique, CritiqueCode};
-pub use flat::{flat_json, flat_text, flat_text_in_body};
+pub use flat::{caption_free, flat_json, flat_text, flat_text_in_body};
 pub use grounding::{GroundingConfig, ground};
 pub use instruction::{Instruction, Referring, Step, StepKind};
 pub use messages::{reply_schema, system_text, user_text};
