@@ -2,7 +2,6 @@
 //! and for ours; `--export` and `--import` let any model anywhere be the reader.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

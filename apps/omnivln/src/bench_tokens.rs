@@ -1,6 +1,5 @@
 //! `omnivln bench tokens`: what a prompt costs on the nine scenes of the paper's Table II, and how it grows with the building.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;

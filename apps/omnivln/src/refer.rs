@@ -3,7 +3,6 @@
 //! The grounder is given the sentence and the boxes ([`Question`]); the [`AnswerKey`] of each line goes to the tally only.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;

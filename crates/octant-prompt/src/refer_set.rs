@@ -110,8 +110,8 @@ fn ranked(text: &str, scene: &Scene) -> Vec<Match> {
     parse_referring(text, &labels).map_or_else(Vec::new, |goal| ground(&goal, scene, &middle(scene)))
 }
 
-/// At eye height over the middle of everything.
-fn middle(scene: &Scene) -> Point3<f64> {
+/// At eye height over the middle of everything: where the viewer of these sets is taken to stand.
+pub fn middle(scene: &Scene) -> Point3<f64> {
     /// Of somebody who stands, metres.
     const EYE_HEIGHT_M: f64 = 1.5;
     let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b));
