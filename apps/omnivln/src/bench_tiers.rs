@@ -70,7 +70,8 @@ pub fn run(options: &TiersOptions) -> Result<ExitCode> {
                 };
                 flat += usize::from(flat_answer.is_some_and(|answer| first_number(&answer) == Some(question.right.0)));
                 ours += usize::from(ours_answer.is_some_and(|answer| {
-                    parse_reply(&answer, &question.names).is_ok_and(|reply| reply.action.object() == Some(question.right))
+                    parse_reply(&answer, &question.names)
+                        .is_ok_and(|reply| reply.action.object() == Some(question.right))
                 }));
                 n += 1;
                 for (format, prompt) in [("flat", &question.flat), ("ours", &question.ours)] {

@@ -7,8 +7,9 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use arena::mission::dsg::{ObjectId, SceneGraph};
 use arena::mission::octant_prompt::{
-    BytePairs, Estimate, Prompt, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt, build_prompt_for,
-    caption_free, flat_json, flat_text, flat_text_in_body, parse_instruction, reply_schema, system_text, tools, user_text,
+    BytePairs, Estimate, Prompt, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt,
+    build_prompt_for, caption_free, flat_json, flat_text, flat_text_in_body, parse_instruction, reply_schema,
+    system_text, tools, user_text,
 };
 use arena::whole_file::write_whole;
 use clap::Args;
@@ -80,7 +81,8 @@ pub fn run(options: &TokensOptions) -> Result<ExitCode> {
             }
         }
         let means: Vec<f64> = sums.iter().map(|sum| sum / count).collect();
-        let mut row = json!({"objects": OBJECTS[number - 1], "ours_episode": means[5], "reduction": 1.0 - means[4] / means[0]});
+        let mut row =
+            json!({"objects": OBJECTS[number - 1], "ours_episode": means[5], "reduction": 1.0 - means[4] / means[0]});
         for (name, mean) in FORMATS.iter().zip(&means) {
             row[*name] = json!(mean);
         }
@@ -242,7 +244,13 @@ fn print(table: &[Vec<f64>], growth: &[Growth], is_exact: bool) {
         arena::say!("{name:14}{}", cells.join(""));
     }
     for row in growth {
-        arena::say!("{:6} objects in {:5} rooms: {:5} tokens, {:.0} us", row.objects, row.rooms, row.tokens, row.build_us);
+        arena::say!(
+            "{:6} objects in {:5} rooms: {:5} tokens, {:.0} us",
+            row.objects,
+            row.rooms,
+            row.tokens,
+            row.build_us
+        );
     }
     arena::say!("R2 of tokens against log2(objects): {:.4}", r_squared(growth));
 }

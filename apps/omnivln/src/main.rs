@@ -4,6 +4,7 @@ mod ask;
 mod barcode;
 mod bench;
 mod bench_page;
+mod bench_reg;
 mod bench_tiers;
 mod bench_tokens;
 mod dsg;
@@ -73,6 +74,8 @@ enum BenchCommand {
     Tokens(bench_tokens::TokensOptions),
     /// Whether a prompt says enough: right answers of readers that get nothing else
     Tiers(bench_tiers::TiersOptions),
+    /// Descriptions of things in recorded rooms: understood by the grounder, and true of the boxes
+    Reg(bench_reg::RegOptions),
 }
 
 fn main() -> ExitCode {
@@ -91,6 +94,7 @@ fn main() -> ExitCode {
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),
         Command::Bench(BenchCommand::Tokens(options)) => bench_tokens::run(&options),
         Command::Bench(BenchCommand::Tiers(options)) => bench_tiers::run(&options),
+        Command::Bench(BenchCommand::Reg(options)) => bench_reg::run(&options),
         Command::Refer(options) => refer::run(&options),
     };
     match result {

@@ -10,7 +10,8 @@ pub fn read_flat(prompt: &str) -> Option<String> {
     let (_, pose) = prompt.split_once("You are at (")?;
     let here: Vec<f64> = pose.split_once(')')?.0.split(", ").filter_map(|number| number.parse().ok()).collect();
     let objects = prompt.lines().filter(|line| line.starts_with('{'));
-    let rows = objects.filter_map(|line| serde_json::from_str::<Value>(line).ok()).filter(|row| row["category"] == class);
+    let rows =
+        objects.filter_map(|line| serde_json::from_str::<Value>(line).ok()).filter(|row| row["category"] == class);
     let distance = |row: &Value| -> f64 {
         let position = row["position"].as_array().map_or(&[][..], Vec::as_slice);
         position.iter().zip(&here).filter_map(|(p, h)| Some((p.as_f64()? - h).powi(2))).sum::<f64>().sqrt()
@@ -24,7 +25,9 @@ pub fn read_flat(prompt: &str) -> Option<String> {
 pub fn read_ours(prompt: &str, path_length: impl Fn(&str) -> Option<f64>) -> Option<String> {
     let class = asked(prompt)?;
     let is_first = |name: &str| name.strip_prefix(class).is_some_and(|ordinal| ordinal == "1");
-    let words = |line: &str| line.split([' ', ';', ',']).filter(|word| !word.is_empty()).map(str::to_string).collect::<Vec<_>>();
+    let words = |line: &str| {
+        line.split([' ', ';', ',']).filter(|word| !word.is_empty()).map(str::to_string).collect::<Vec<_>>()
+    };
     let own = prompt.lines().take_while(|line| !line.starts_with("Other rooms") && !line.starts_with("Instruction"));
     // In the own room class1 is the nearest, and every other room is farther than what stands around the robot or may be: compare.
     let mut names: Vec<String> =

@@ -44,8 +44,7 @@ pub struct ReferOptions {
 
 /// Reads, answers, scores, prints.
 pub fn run(options: &ReferOptions) -> Result<ExitCode> {
-    let scenes: HashMap<String, Scene> =
-        lines(&options.scenes, |line| Ok(read_scene(line)?))?.into_iter().collect();
+    let scenes: HashMap<String, Scene> = lines(&options.scenes, |line| Ok(read_scene(line)?))?.into_iter().collect();
     let utterances = lines(&options.utterances, |line| Ok(read_utterance(line)?))?;
     let wanted = |question: &Question| options.half.is_none_or(|half| half == question.half());
     let utterances: Vec<(Question, AnswerKey)> =
@@ -56,9 +55,9 @@ pub fn run(options: &ReferOptions) -> Result<ExitCode> {
     let mut with_prior = Tally::default();
     let mut chosen = Vec::new();
     for (question, key) in &utterances {
-        let scene = scenes.get(&question.scene).with_context(|| {
-            format!("no scene \"{}\" in {}", question.scene, options.scenes.display())
-        })?;
+        let scene = scenes
+            .get(&question.scene)
+            .with_context(|| format!("no scene \"{}\" in {}", question.scene, options.scenes.display()))?;
         let start = Instant::now();
         let id = answer(&question.text, scene).map(|id| id.0);
         let us = start.elapsed().as_secs_f64() * 1e6;
@@ -171,8 +170,14 @@ impl Tally {
 
     fn print(&self, suffix: &str) {
         for (name, set) in &self.sets {
-            let percent = |share: Share| share.value().map_or_else(|| "-".into(), |value| format!("{:.2} %", 100.0 * value));
-            arena::say!("{name}{suffix}: {} of {} sentences, {:.0} us median", percent(set.all), set.all.n, median(&set.us));
+            let percent =
+                |share: Share| share.value().map_or_else(|| "-".into(), |value| format!("{:.2} %", 100.0 * value));
+            arena::say!(
+                "{name}{suffix}: {} of {} sentences, {:.0} us median",
+                percent(set.all),
+                set.all.n,
+                median(&set.us)
+            );
             for (part, share) in &set.parts {
                 arena::say!("  {part:18} {:>9} of {}", percent(*share), share.n);
             }

@@ -15,11 +15,8 @@ pub fn page(sets: &Value) -> String {
         .map(|(name, set)| (name.clone(), PARTS.iter().map(|part| percent(&set[*part])).collect()))
         .collect();
     let drawn = (0..rows.len()).collect();
-    let published = [
-        ("Nr3D, CoT3DRef (supervised)", 64.36),
-        ("Nr3D, LaSP (models)", 52.9),
-        ("Sr3D, CoT3DRef (supervised)", 73.23),
-    ];
+    let published =
+        [("Nr3D, CoT3DRef (supervised)", 64.36), ("Nr3D, LaSP (models)", 52.9), ("Sr3D, CoT3DRef (supervised)", 73.23)];
     rows.extend(published.map(|(name, value)| (name.to_string(), vec![Some(value), None, None, None, None])));
     let columns = ["set", "all", "easy", "hard", "view-dependent", "view-independent"];
     Page {

@@ -34,8 +34,19 @@ fn refer_scores_sentences_and_writes_what_it_chose() {
     let [scenes, utterances] = files(folder.path(), SCENE, &lines.join("\n"));
     let out = folder.path().join("out.jsonl").to_str().expect("UTF-8").to_string();
     let page = folder.path().join("page.html").to_str().expect("UTF-8").to_string();
-    let arguments =
-        ["refer", "--scenes", &scenes, "--utterances", &utterances, "--out", &out, "--html", &page, "--prior", "--json"];
+    let arguments = [
+        "refer",
+        "--scenes",
+        &scenes,
+        "--utterances",
+        &utterances,
+        "--out",
+        &out,
+        "--html",
+        &page,
+        "--prior",
+        "--json",
+    ];
     let report = json(&arguments);
     let set = &report["sets"]["mine"];
     for key in ["n", "accuracy", "easy", "hard", "view_dependent", "view_independent", "us_median", "relations"] {
@@ -92,7 +103,9 @@ fn tokens_are_within_what_was_promised() {
     let most = [180.0, 245.0, 295.0, 125.0, 168.0, 210.0, 180.0, 200.0, 214.0];
     for (number, most) in (1..).zip(most) {
         let row = &report[format!("D{number}")];
-        for key in ["objects", "flat_json", "flat_text", "flat_body", "caption_free", "ours", "ours_episode", "reduction"] {
+        for key in
+            ["objects", "flat_json", "flat_text", "flat_body", "caption_free", "ours", "ours_episode", "reduction"]
+        {
             assert!(row[key].is_number(), "D{number} {key}: {row}");
         }
         assert!(row["ours"].as_f64().expect("a number") <= 1.12 * most, "D{number}: {row}");

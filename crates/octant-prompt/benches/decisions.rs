@@ -8,8 +8,8 @@ mod support;
 use dsg::{ObjectId, SceneGraph};
 use nalgebra::Point3;
 use octant_prompt::{
-    BytePairs, Critic, Estimate, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt, build_prompt_for, decide_with_critic,
-    parse_instruction,
+    BytePairs, Critic, Estimate, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt,
+    build_prompt_for, decide_with_critic, parse_instruction,
 };
 
 fn main() {
@@ -45,7 +45,12 @@ fn prompt_d9(bencher: divan::Bencher) {
     let things: Vec<support::Put> = (0..50)
         .map(|k| {
             let (x, y) = support::corner(1 + k % 3);
-            support::put(CLASSES[k * 7 % 4], x + (k * 37 % 45) as f64 * 0.1 + 0.2, y + (k * 61 % 45) as f64 * 0.1 + 0.2, 0.5)
+            support::put(
+                CLASSES[k * 7 % 4],
+                x + (k * 37 % 45) as f64 * 0.1 + 0.2,
+                y + (k * 61 % 45) as f64 * 0.1 + 0.2,
+                0.5,
+            )
         })
         .collect();
     let graph = support::graph(4, &[], &things);
@@ -72,7 +77,9 @@ fn exact_count_of_a_prompt(bencher: divan::Bencher) {
     };
     let qwen = BytePairs::read(std::fs::File::open(path).expect("the file opens")).expect("a tokenizer");
     let graph = scene(50, 4);
-    let text = build_prompt(&graph, &support::pose(2.5, 2.5, 0.0), "go to the nearest chair", &PromptConfig::default(), &qwen).text;
+    let text =
+        build_prompt(&graph, &support::pose(2.5, 2.5, 0.0), "go to the nearest chair", &PromptConfig::default(), &qwen)
+            .text;
     let mut end = text.len();
     while qwen.count(&text[..end]) > 200 {
         end -= 1; // ASCII

@@ -21,7 +21,8 @@ use crate::unicode_marks::MARKS;
 /// Largest file that is read: the biggest vocabularies in use take 20 MB.
 const MAX_FILE_BYTES: u64 = 64 << 20;
 /// The split of Qwen2, 2.5 and 3, as their files hold it.
-const QWEN_SPLIT: &str = r"(?i:'s|'t|'re|'ve|'m|'ll|'d)|[^\r\n\p{L}\p{N}]?\p{L}+|\p{N}| ?[^\s\p{L}\p{N}]+[\r\n]*|\s*[\r\n]+|\s+(?!\S)|\s+";
+const QWEN_SPLIT: &str =
+    r"(?i:'s|'t|'re|'ve|'m|'ll|'d)|[^\r\n\p{L}\p{N}]?\p{L}+|\p{N}| ?[^\s\p{L}\p{N}]+[\r\n]*|\s*[\r\n]+|\s+(?!\S)|\s+";
 
 /// A byte-level BPE vocabulary.
 #[derive(Debug, Clone)]
@@ -114,7 +115,8 @@ impl BytePairs {
             return Err(TokenizerError::Split);
         }
         let alphabet = byte_of_char();
-        let to_bytes = |token: &str| -> Option<Box<[u8]>> { token.chars().map(|c| alphabet.get(&c).copied()).collect() };
+        let to_bytes =
+            |token: &str| -> Option<Box<[u8]>> { token.chars().map(|c| alphabet.get(&c).copied()).collect() };
         let mut ids = FxHashMap::default();
         for (token, id) in &file.model.vocab {
             let bytes = to_bytes(token).ok_or_else(|| TokenizerError::Token(token.chars().take(40).collect()))?;
@@ -318,7 +320,9 @@ fn is_mark_or_symbol(c: char) -> bool {
 fn byte_of_char() -> FxHashMap<char, u8> {
     let is_itself = |byte: u8| matches!(byte, b'!'..=b'~' | 0xa1..=0xac | 0xae..=0xff);
     let mut next = 0x100..;
-    let code = |byte: u8, next: &mut std::ops::RangeFrom<u32>| if is_itself(byte) { Some(u32::from(byte)) } else { next.next() };
+    let code = |byte: u8, next: &mut std::ops::RangeFrom<u32>| {
+        if is_itself(byte) { Some(u32::from(byte)) } else { next.next() }
+    };
     (0..=255).filter_map(|byte| Some((char::from_u32(code(byte, &mut next)?)?, byte))).collect()
 }
 

@@ -10,7 +10,6 @@ use crate::render::{Detail, render};
 use crate::tiers::{Item, Tiers};
 use crate::tokens::TokenCounter;
 
-
 /// Rooms that are shown with groups and distances.
 const FULL_ROOMS: usize = 4;
 
@@ -104,7 +103,12 @@ impl Plan {
     }
 
     fn steps(&self) -> usize {
-        2 * (self.areas.len() + self.rooms.len()) + usize::from(self.has_crowd) + self.peripheral.len() + self.places + self.captions + self.focal.len()
+        2 * (self.areas.len() + self.rooms.len())
+            + usize::from(self.has_crowd)
+            + self.peripheral.len()
+            + self.places
+            + self.captions
+            + self.focal.len()
     }
 
     /// The detail after `count` steps of dropping.

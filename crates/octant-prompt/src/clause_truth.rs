@@ -22,12 +22,19 @@ pub enum Claim {
     LeftOf(usize),
     RightOf(usize),
     Between(usize, usize),
+    /// The n-th nearest (from 2) to the anchor among those of the class.
+    NthClosest(u32, usize),
+    /// The n-th farthest.
+    NthFarthest(u32, usize),
+    /// The n-th from above among those of the class.
+    NthHighest(u32),
+    /// The n-th from the left among those of the class.
+    NthFromLeft(u32),
 }
 
 impl Claim {
-    /// In words.
-    pub fn words(&self, scene: &Scene) -> String {
-        let name = |index: usize| label(scene, index);
+    /// In words; `name` says what an anchor is called.
+    pub fn words(&self, name: &dyn Fn(usize) -> String) -> String {
         match self {
             Claim::On(a) => format!("on the {}", name(*a)),
             Claim::Under(a) => format!("under the {}", name(*a)),
@@ -39,20 +46,36 @@ impl Claim {
             Claim::Lowest => "the lowest".into(),
             Claim::LeftOf(a) => format!("left of the {}", name(*a)),
             Claim::RightOf(a) => format!("right of the {}", name(*a)),
+            Claim::NthClosest(n, a) => format!("{} closest to the {}", ordinal(*n), name(*a)),
+            Claim::NthFarthest(n, a) => format!("{} farthest from the {}", ordinal(*n), name(*a)),
+            Claim::NthHighest(n) => format!("{} highest", ordinal(*n)),
+            Claim::NthFromLeft(n) => format!("{} from the left", ordinal(*n)),
             Claim::Between(a, b) => format!("between the {} and the {}", name(*a), name(*b)),
         }
     }
 
+    /// Counted among all of the class.
+    pub fn is_ordinal(&self) -> bool {
+        matches!(self, Claim::NthClosest(..) | Claim::NthFarthest(..) | Claim::NthHighest(_) | Claim::NthFromLeft(_))
+    }
+
     /// Left and right are those of somebody in the middle of the room who looks at the anchor.
     pub fn is_view_dependent(&self) -> bool {
-        matches!(self, Claim::LeftOf(_) | Claim::RightOf(_))
+        matches!(self, Claim::LeftOf(_) | Claim::RightOf(_) | Claim::NthFromLeft(_))
     }
+}
+
+/// The word; numbers beyond the sixth have none here.
+fn ordinal(n: u32) -> &'static str {
+    ["first", "second", "third", "fourth", "fifth", "sixth"].get(n.saturating_sub(1) as usize).unwrap_or(&"last")
 }
 
 /// Whether the claim holds of the thing at `index`, clearly enough that people would not quarrel about it.
 pub fn is_true(claim: &Claim, scene: &Scene, index: usize) -> bool {
     /// Difference of distances that people see, metres (Sr3D's generator asks for 0.2 m).
     const SEEN_M: f64 = 0.2;
+    /// Difference of heights that people see in a stack, metres.
+    const STACKED_M: f64 = 0.03;
     /// Ratio of sizes that people see.
     const SEEN_RATIO: f64 = 1.15;
     let own = &scene.things[index].bounds;
@@ -64,6 +87,17 @@ pub fn is_true(claim: &Claim, scene: &Scene, index: usize) -> bool {
     let gap_m = |a: &Aabb, b: &Aabb| {
         (0..3).map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2)).sum::<f64>().sqrt()
     };
+    let middles_m = |a: &Aabb, b: &Aabb| {
+        (0..3).map(|k| (a.min[k] + a.max[k] - b.min[k] - b.max[k]).powi(2)).sum::<f64>().sqrt() / 2.0
+    };
+    // Nearer by the gap, or, of things about as near, by the distance of the middles.
+    let is_nearer_by = |seen_m: f64, a: &Aabb, b: &Aabb, to: &Aabb| {
+        let (gap_a, gap_b) = (gap_m(a, to), gap_m(b, to));
+        gap_a + seen_m < gap_b || (gap_a <= gap_b + 1e-9 && middles_m(a, to) + seen_m < middles_m(b, to))
+    };
+    let is_nearer = |a: &Aabb, b: &Aabb, to: &Aabb| is_nearer_by(SEEN_M, a, b, to);
+    // Whoever counts looks more closely.
+    let comes_before = |a: &Aabb, b: &Aabb, to: &Aabb| is_nearer_by(SEEN_M / 2.0, a, b, to);
     let size = |bounds: &Aabb| (0..3).map(|k| bounds.max[k] - bounds.min[k]).product::<f64>().cbrt();
     let height_m = |bounds: &Aabb| 0.5 * (bounds.min.z + bounds.max.z);
     match *claim {
@@ -71,19 +105,38 @@ pub fn is_true(claim: &Claim, scene: &Scene, index: usize) -> bool {
             let dz_m = own.min.z - bounds(anchor).max.z;
             overlap_share(own, bounds(anchor)) > 0.5 && dz_m.abs() < 0.1
         }
-        Claim::Under(anchor) => {
-            overlap_share(own, bounds(anchor)) > 0.5 && bounds(anchor).min.z - own.max.z > -0.05
-        }
+        Claim::Under(anchor) => overlap_share(own, bounds(anchor)) > 0.5 && bounds(anchor).min.z - own.max.z > -0.05,
         Claim::Closest(anchor) => {
-            !rivals.is_empty() && rivals.iter().all(|rival| gap_m(own, bounds(anchor)) + SEEN_M < gap_m(rival, bounds(anchor)))
+            !rivals.is_empty() && rivals.iter().all(|rival| is_nearer(own, rival, bounds(anchor)))
         }
         Claim::Farthest(anchor) => {
-            !rivals.is_empty() && rivals.iter().all(|rival| gap_m(own, bounds(anchor)) > gap_m(rival, bounds(anchor)) + SEEN_M)
+            !rivals.is_empty() && rivals.iter().all(|rival| is_nearer(rival, own, bounds(anchor)))
+        }
+        Claim::NthClosest(n, anchor) => {
+            let nearer = rivals.iter().filter(|rival| comes_before(rival, own, bounds(anchor))).count();
+            let farther = rivals.iter().filter(|rival| comes_before(own, rival, bounds(anchor))).count();
+            nearer + 1 == n as usize && nearer + farther == rivals.len()
+        }
+        Claim::NthFarthest(n, anchor) => {
+            let nearer = rivals.iter().filter(|rival| comes_before(rival, own, bounds(anchor))).count();
+            let farther = rivals.iter().filter(|rival| comes_before(own, rival, bounds(anchor))).count();
+            farther + 1 == n as usize && nearer + farther == rivals.len()
         }
         Claim::Largest => !rivals.is_empty() && rivals.iter().all(|rival| size(own) > SEEN_RATIO * size(rival)),
         Claim::Smallest => !rivals.is_empty() && rivals.iter().all(|rival| SEEN_RATIO * size(own) < size(rival)),
         Claim::Highest => !rivals.is_empty() && rivals.iter().all(|rival| height_m(own) > height_m(rival) + SEEN_M),
         Claim::Lowest => !rivals.is_empty() && rivals.iter().all(|rival| height_m(own) + SEEN_M < height_m(rival)),
+        Claim::NthHighest(n) => {
+            let over = rivals.iter().filter(|rival| height_m(rival) > height_m(own) + STACKED_M).count();
+            let below = rivals.iter().filter(|rival| height_m(own) > height_m(rival) + STACKED_M).count();
+            over + 1 == n as usize && over + below == rivals.len()
+        }
+        Claim::NthFromLeft(n) => {
+            let turns: Vec<f64> = rivals.iter().map(|rival| turn_rad(scene, own, rival)).collect();
+            // Somebody who sees them all at once; 0.02 rad is a hand's breadth across the room.
+            let is_one_view = turns.iter().all(|turn| turn.abs() < 1.2 && turn.abs() > 0.02);
+            is_one_view && turns.iter().filter(|turn| **turn > 0.0).count() + 1 == n as usize
+        }
         Claim::LeftOf(anchor) => side_m(scene, own, bounds(anchor)) > 0.3,
         Claim::RightOf(anchor) => side_m(scene, own, bounds(anchor)) < -0.3,
         Claim::Between(a, b) => is_between(own, bounds(a), bounds(b)),
@@ -99,6 +152,15 @@ fn side_m(scene: &Scene, own: &Aabb, anchor: &Aabb) -> f64 {
     let offset = center(own) - center(anchor);
     let (left_m, far_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
     if left_m.abs() > 2.0 * far_m.abs() && left_m.abs() < 3.0 { left_m } else { 0.0 }
+}
+
+/// By how much somebody in the middle of the room turns left from `own` to `other`, radians.
+fn turn_rad(scene: &Scene, own: &Aabb, other: &Aabb) -> f64 {
+    let eye = middle(scene).xy().coords;
+    let towards =
+        |bounds: &Aabb| Vector2::new(0.5 * (bounds.min.x + bounds.max.x), 0.5 * (bounds.min.y + bounds.max.y)) - eye;
+    let (a, b) = (towards(own), towards(other));
+    (a.x * b.y - a.y * b.x).atan2(a.dot(&b))
 }
 
 fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {

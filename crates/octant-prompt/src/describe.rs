@@ -5,6 +5,7 @@
 //! operator with the grounder: a description that is unique only by a mistake of the listener does not pass.
 
 use dsg::ObjectId;
+use rustc_hash::FxHashMap;
 
 use crate::clause_truth::{Claim, is_true};
 use crate::grounding::{Scene, ground};
@@ -30,7 +31,9 @@ impl Description {
 }
 
 /// Most things that are tried as anchors, nearest first.
-const MAX_ANCHORS: usize = 14;
+const MAX_ANCHORS: usize = 20;
+/// Largest ordinal that is said.
+const MAX_ORDINAL: u32 = 6;
 /// The listener's best must be this many times better than its second.
 const MARGIN: f64 = 1.05;
 
@@ -61,43 +64,59 @@ pub fn is_understood(text: &str, scene: &Scene, id: ObjectId) -> bool {
 fn descriptions<'a>(scene: &'a Scene, id: ObjectId) -> impl Iterator<Item = Description> + 'a {
     let index = scene.things.iter().position(|thing| thing.id == id);
     let label = index.map(|index| label(scene, index)).unwrap_or_default().to_string();
-    let claims: Vec<Claim> = index.map(|index| true_claims(scene, index)).unwrap_or_default();
-    let pairs: Vec<Vec<Claim>> = claims
+    let anchors = index.map(|index| anchors(scene, index)).unwrap_or_default();
+    let indices: Vec<usize> = anchors.iter().map(|(anchor, _)| *anchor).collect();
+    let claims: Vec<Claim> = index.map(|index| true_claims(scene, index, &indices)).unwrap_or_default();
+    // Ordinals count among all of the class: with a second claim nobody knows among which.
+    let plain: Vec<&Claim> = claims.iter().filter(|claim| !claim.is_ordinal()).collect();
+    let pairs: Vec<Vec<Claim>> = plain
         .iter()
         .enumerate()
-        .flat_map(|(at, first)| claims[at + 1..].iter().map(move |second| vec![first.clone(), second.clone()]))
+        .flat_map(|(at, first)| plain[at + 1..].iter().map(move |second| vec![(*first).clone(), (*second).clone()]))
         .collect();
+    let names: FxHashMap<usize, String> = anchors.into_iter().collect();
     let singles = claims.into_iter().map(|claim| vec![claim]);
     std::iter::once(Vec::new()).chain(singles).chain(pairs).map(move |claims| {
         let text = claims.iter().fold(format!("the {label}"), |text, claim| {
             let joined = if text.contains(" that is ") { "and" } else { "that is" };
-            format!("{text} {joined} {}", claim.words(scene))
+            format!("{text} {joined} {}", claim.words(&|anchor| names.get(&anchor).cloned().unwrap_or_default()))
         });
         let is_view_dependent = claims.iter().any(Claim::is_view_dependent);
         Description { text, claims, is_view_dependent }
     })
 }
 
-/// Claims that hold for the thing, in the order in which people prefer them.
-fn true_claims(scene: &Scene, index: usize) -> Vec<Claim> {
+/// Things that may say where this one is, the nearest first, with what they are called: by their class if they are the only ones of it
+/// (these first), else by one claim about such a one ("table that is closest to the door").
+fn anchors(scene: &Scene, index: usize) -> Vec<(usize, String)> {
     let own = &scene.things[index].bounds;
-    let count = |label_of: &str| (0..scene.things.len()).filter(|other| label(scene, *other) == label_of).count();
-    // Anchors are the only ones of their class, so that they need no description of their own.
-    let mut anchors: Vec<(f64, usize)> = (0..scene.things.len())
+    let mut others: Vec<(f64, usize)> = (0..scene.things.len())
         .filter(|other| {
             let name = label(scene, *other);
-            *other != index && name != label(scene, index) && !is_hull(name) && count(name) == 1
+            *other != index && name != label(scene, index) && !is_hull(name)
         })
         .map(|other| (scene.things[other].bounds.gap_m(own), other))
         .collect();
-    anchors.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    anchors.truncate(MAX_ANCHORS);
-    let anchors: Vec<usize> = anchors.into_iter().map(|(_, other)| other).collect();
+    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let is_only =
+        |at: usize| (0..scene.things.len()).filter(|other| label(scene, *other) == label(scene, at)).count() == 1;
+    let (only, many): (Vec<usize>, Vec<usize>) =
+        others.into_iter().map(|(_, other)| other).partition(|other| is_only(*other));
+    let only: Vec<usize> = only.into_iter().take(MAX_ANCHORS).collect();
+    let described = many.into_iter().take(MAX_ANCHORS / 2).filter_map(|other| {
+        let first = true_claims(scene, other, &only).into_iter().find(|claim| !claim.is_view_dependent())?;
+        let words = first.words(&|anchor| label(scene, anchor).to_string());
+        Some((other, format!("{} that is {words}", label(scene, other))))
+    });
+    let described: Vec<(usize, String)> = described.collect();
+    only.into_iter().map(|other| (other, label(scene, other).to_string())).chain(described).collect()
+}
+
+/// Claims that hold for the thing, in the order in which people prefer them.
+fn true_claims(scene: &Scene, index: usize, anchors: &[usize]) -> Vec<Claim> {
     let each = |make: fn(usize) -> Claim| anchors.iter().map(move |anchor| make(*anchor));
-    let betweens = anchors
-        .iter()
-        .enumerate()
-        .flat_map(|(at, a)| anchors[at + 1..].iter().map(move |b| Claim::Between(*a, *b)));
+    let betweens =
+        anchors.iter().enumerate().flat_map(|(at, a)| anchors[at + 1..].iter().map(move |b| Claim::Between(*a, *b)));
     let all = each(Claim::On)
         .chain(each(Claim::Under))
         .chain(each(Claim::Closest))
@@ -105,7 +124,12 @@ fn true_claims(scene: &Scene, index: usize) -> Vec<Claim> {
         .chain([Claim::Largest, Claim::Smallest, Claim::Highest, Claim::Lowest])
         .chain(each(Claim::LeftOf))
         .chain(each(Claim::RightOf))
-        .chain(betweens);
+        .chain(betweens)
+        .chain((2..=MAX_ORDINAL).flat_map(|n| {
+            anchors.iter().flat_map(move |anchor| [Claim::NthClosest(n, *anchor), Claim::NthFarthest(n, *anchor)])
+        }))
+        .chain((2..=MAX_ORDINAL).map(Claim::NthHighest))
+        .chain((1..=MAX_ORDINAL).map(Claim::NthFromLeft));
     all.filter(|claim| is_true(claim, scene, index)).collect()
 }
 

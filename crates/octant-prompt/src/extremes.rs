@@ -9,14 +9,21 @@ use crate::relations::Viewer;
 use crate::scene::Scene;
 
 /// Superlatives, sizes and ordinals, among the candidates that the rest of the expression leaves.
-pub(crate) fn extremes(goal: &Referring, found: &mut [Match], score: impl Fn(&mut Match) -> &mut f64, scene: &Scene, viewer: &Viewer) {
+pub(crate) fn extremes(
+    goal: &Referring,
+    found: &mut [Match],
+    score: impl Fn(&mut Match) -> &mut f64,
+    scene: &Scene,
+    viewer: &Viewer,
+) {
     let sizes = goal.attributes.iter().filter_map(|attribute| match attribute.kind {
         AttributeKind::Size(size) => Some((size, if attribute.negated { -0.6 } else { 0.6 })),
         _ => None,
     });
     let strong = goal.superlatives.iter().map(|superlative| (*superlative, 3.0));
     let wanted: Vec<(Superlative, f64)> = strong.chain(sizes).collect();
-    if wanted.is_empty() && goal.ordinal.is_none() {
+    let ordinal = goal.ordinal.filter(|_| goal.ordinal_clause().is_none());
+    if wanted.is_empty() && ordinal.is_none() {
         return;
     }
     let best = found.iter_mut().map(|each| *score(each)).fold(0.0, f64::max);
@@ -27,7 +34,7 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], score: impl Fn(&mu
     let order = goal.superlatives.first().copied().unwrap_or(Superlative::Nearest);
     let order_keys = keys(order, &remaining, found, scene, viewer);
     for (superlative, strength) in wanted {
-        if goal.ordinal.is_some() && strength > 1.0 && superlative == order {
+        if ordinal.is_some() && strength > 1.0 && superlative == order {
             continue; // it is the direction of counting
         }
         let keys = keys(superlative, &remaining, found, scene, viewer);
@@ -39,7 +46,7 @@ pub(crate) fn extremes(goal: &Referring, found: &mut [Match], score: impl Fn(&mu
             *score(&mut found[index]) *= (-strength.abs() * rank).exp();
         }
     }
-    if let Some(ordinal) = goal.ordinal {
+    if let Some(ordinal) = ordinal {
         let mut sorted: Vec<(f64, usize)> = order_keys.into_iter().zip(remaining).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let wanted =

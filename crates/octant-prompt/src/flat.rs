@@ -56,7 +56,9 @@ pub fn caption_free(
             things.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)));
             let words: Vec<String> = things
                 .iter()
-                .map(|(distance_m, object)| format!("{} id {} {distance_m:.1}", class_token(&object.label), object.id.0))
+                .map(|(distance_m, object)| {
+                    format!("{} id {} {distance_m:.1}", class_token(&object.label), object.id.0)
+                })
                 .collect();
             out.push_str(&format!("{octant}: {}\n", words.join(", ")));
         }

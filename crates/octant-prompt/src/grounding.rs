@@ -10,7 +10,7 @@ use nalgebra::Point3;
 use crate::attributes::attribute_score;
 use crate::extremes::extremes;
 use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
-use crate::relations::{Shape, Viewer, facing_front, between_score, nearness_key_m, relation_score};
+use crate::relations::{Shape, Viewer, between_score, facing_front, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
 use crate::singling;
 use crate::vocabulary::{class_similarity, is_container, kind_similarity, stand_in};
@@ -189,8 +189,9 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         each.total *= each.attributes * each.room;
         each.rank *= each.attributes * each.room;
     }
-    for clause in &goal.relations {
-        relate(clause, &mut found, scene, viewer, depth);
+    for (position, clause) in goal.relations.iter().enumerate() {
+        let ordinal = goal.ordinal.filter(|_| goal.ordinal_clause() == Some(position));
+        relate(clause, ordinal, &mut found, scene, viewer, depth);
     }
     extremes(goal, &mut found, |each| &mut each.total, scene, viewer);
     extremes(goal, &mut found, |each| &mut each.rank, scene, viewer);
@@ -218,7 +219,14 @@ fn rooms(goal: &Referring, scene: &Scene, viewer: &Viewer) -> Option<Vec<f64>> {
 }
 
 /// Multiplies the score of one relation clause into every candidate.
-fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+fn relate(
+    clause: &RelationClause,
+    ordinal: Option<u32>,
+    found: &mut [Match],
+    scene: &Scene,
+    viewer: &Viewer,
+    depth: usize,
+) {
     if is_on_the_floor(clause) {
         let lowest_m = scene.things.iter().map(|thing| thing.bounds.min.z).fold(f64::INFINITY, f64::min);
         for each in found.iter_mut() {
@@ -240,12 +248,22 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
             .map(|each| best_anchor(relation, each, anchors.first().map_or(&[], Vec::as_slice), scene, viewer))
             .collect(),
     };
+    if let (Some(ordinal), Some(anchors)) = (ordinal, anchors.first().filter(|anchors| !anchors.is_empty())) {
+        let ranks = singling::nth(clause.relation, ordinal, found, anchors, scene);
+        for (each, rank) in found.iter_mut().zip(ranks) {
+            each.rank *= rank;
+            multiply(each, rank);
+        }
+        return;
+    }
     if anchors.iter().all(|anchors| !anchors.is_empty()) {
         let ranks = singling::relation(clause.relation, found, &anchors, scene, viewer);
         for (each, rank) in found.iter_mut().zip(ranks) {
             each.rank *= if clause.negated { 1.02 - rank } else { rank };
         }
-        if let ([anchor], [[_]]) = (clause.anchors.as_slice(), anchors.iter().map(Vec::as_slice).collect::<Vec<_>>().as_slice()) {
+        if let ([anchor], [[_]]) =
+            (clause.anchors.as_slice(), anchors.iter().map(Vec::as_slice).collect::<Vec<_>>().as_slice())
+        {
             pass_on(anchor, found, scene, viewer, depth);
         }
     }

@@ -87,6 +87,15 @@ pub struct Referring {
 }
 
 impl Referring {
+    /// The clause by which an ordinal counts ("the second chair from the window"), by position; None if it counts by a superlative.
+    pub fn ordinal_clause(&self) -> Option<usize> {
+        let by_distance = |clause: &RelationClause| {
+            !clause.negated && matches!(clause.relation, SpatialRelation::Closest | SpatialRelation::Farthest)
+        };
+        let counts = self.ordinal.is_some() && self.superlatives.is_empty();
+        counts.then(|| self.relations.iter().position(by_distance)).flatten()
+    }
+
     /// Calls `visit` for this expression and every nested one, outer first.
     pub fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Referring)) {
         visit(self);
@@ -312,7 +321,9 @@ impl RoomReference {
             return false;
         }
         let name = crate::vocabulary::normalise(&room.name);
-        let kind = || room.kind.as_deref().and_then(crate::vocabulary::room_kind).or_else(|| crate::vocabulary::room_kind(&name));
+        let kind = || {
+            room.kind.as_deref().and_then(crate::vocabulary::room_kind).or_else(|| crate::vocabulary::room_kind(&name))
+        };
         name == self.name || self.kind.as_deref().is_some_and(|wanted| kind() == Some(wanted))
     }
 }

@@ -165,8 +165,28 @@ static PHRASE_WORDS: LazyLock<HashMap<&'static str, usize>> = LazyLock::new(|| {
 
 /// Adverbs that stand inside phrases ("directly across from") and change none of them.
 const ADVERBS: &[&str] = &[
-    "very", "really", "also", "actually", "exactly", "slightly", "almost", "partially", "partly", "completely", "fully", "nearly",
-    "directly", "immediately", "just", "basically", "somewhat", "clearly", "simply", "probably", "mostly", "diagonally",
+    "very",
+    "really",
+    "also",
+    "actually",
+    "exactly",
+    "slightly",
+    "almost",
+    "partially",
+    "partly",
+    "completely",
+    "fully",
+    "nearly",
+    "directly",
+    "immediately",
+    "just",
+    "basically",
+    "somewhat",
+    "clearly",
+    "simply",
+    "probably",
+    "mostly",
+    "diagonally",
 ];
 
 /// Words that say nothing about what is meant.

@@ -318,7 +318,8 @@ impl Parser<'_> {
         }
         // "with nothing on it", "without anything on top"
         let is_nothing = matches!(anchor.class.text.as_str(), "nothing" | "none");
-        let is_anything = negated && matches!(anchor.class.text.as_str(), "anything" | "thing" | "something" | "object" | "item");
+        let is_anything =
+            negated && matches!(anchor.class.text.as_str(), "anything" | "thing" | "something" | "object" | "item");
         if is_nothing || is_anything {
             let on_it = matches!(relation, SpatialRelation::Supporting | SpatialRelation::Containing);
             let relation = if on_it { relation } else { SpatialRelation::Supporting };

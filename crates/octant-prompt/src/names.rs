@@ -51,7 +51,8 @@ struct Index {
 
 impl PartialEq for NameTable {
     fn eq(&self, other: &NameTable) -> bool {
-        let parts = |table: &NameTable| (table.revision, table.entries.clone(), table.runs.clone(), table.aliases.clone());
+        let parts =
+            |table: &NameTable| (table.revision, table.entries.clone(), table.runs.clone(), table.aliases.clone());
         parts(self) == parts(other)
     }
 }

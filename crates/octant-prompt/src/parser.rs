@@ -193,7 +193,10 @@ impl<'a> Parser<'a> {
             Some(head) => head,
             // "farthest from the sofa": of whatever was spoken of, or of all things.
             None if fronted.relations.is_empty() && self.view.is_none() => return None,
-            None => Referring { class: self.last_class.clone().unwrap_or_else(|| Class::new("one")), ..Referring::default() },
+            None => Referring {
+                class: self.last_class.clone().unwrap_or_else(|| Class::new("one")),
+                ..Referring::default()
+            },
         };
         head.relations.extend(fronted.relations);
         head.superlatives.extend(fronted.superlatives);
@@ -290,7 +293,10 @@ impl<'a> Parser<'a> {
             return; // "standing in the middle of the room facing ..."
         }
         let mut anchor = self.noun_phrase(depth + 1);
-        if kind == ViewKind::From && anchor.as_ref().is_some_and(|anchor| anchor.class.text.is_empty()) && self.mark() == Some(Mark::From) {
+        if kind == ViewKind::From
+            && anchor.as_ref().is_some_and(|anchor| anchor.class.text.is_empty())
+            && self.mark() == Some(Mark::From)
+        {
             self.at += 1; // "enter the room through the double doors"
             anchor = self.noun_phrase(depth + 1);
         }

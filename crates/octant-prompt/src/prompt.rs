@@ -145,7 +145,16 @@ fn build(
     config: &PromptConfig,
     counter: &dyn TokenCounter,
 ) -> Prompt {
-    let view = View { graph, world_from_body, frontiers, unseen, path_length, nouns: &instruction.nouns(), rooms: &instruction.rooms(), config };
+    let view = View {
+        graph,
+        world_from_body,
+        frontiers,
+        unseen,
+        path_length,
+        nouns: &instruction.nouns(),
+        rooms: &instruction.rooms(),
+        config,
+    };
     let tiers = tiers(&view); // Eq. 8-9 and the three tiers
     let revision = graph.revision();
     let (text, tokens, names) = fit(&tiers, &instruction.text, revision, config, counter); // the budget

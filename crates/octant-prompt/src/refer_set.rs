@@ -61,7 +61,8 @@ impl Question {
     /// 0 or 1 by a fixed hash (FNV-1a) of scene and sentence: one half to develop on, the other to report.
     pub fn half(&self) -> u8 {
         let bytes = self.scene.bytes().chain([0]).chain(self.text.bytes());
-        let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+        let hash =
+            bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
         (hash >> 32 & 1) as u8
     }
 }

@@ -76,11 +76,7 @@ fn clipped(polygon: &[Vector2<f64>], (a, b, c): (f64, f64, f64)) -> Vec<Vector2<
 
 /// Area of a polygon (shoelace), not negative.
 fn area(polygon: &[Vector2<f64>]) -> f64 {
-    let twice: f64 = polygon
-        .iter()
-        .zip(polygon.iter().cycle().skip(1))
-        .map(|(p, q)| p.x * q.y - q.x * p.y)
-        .sum();
+    let twice: f64 = polygon.iter().zip(polygon.iter().cycle().skip(1)).map(|(p, q)| p.x * q.y - q.x * p.y).sum();
     twice.abs() / 2.0
 }
 

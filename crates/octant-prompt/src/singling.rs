@@ -4,7 +4,7 @@
 //! scene hears more in the same words: "the chair near the window" is the nearest of the chairs, however far, and "the desk" is no table
 //! where a desk stands. These are the scores by which candidates are ordered.
 
-use dsg::Aabb;
+use dsg::{Aabb, ObjectId};
 use nalgebra::{Point2, Vector2};
 
 use crate::grounding::{Match, shape};
@@ -23,6 +23,10 @@ const WORTHY: f64 = 0.4;
 const TOUCH_M: f64 = 0.06;
 /// Weight of a thing with another word where one bears the very word that was said.
 const OTHER_WORD: f64 = 0.45;
+/// Difference of distance that costs a factor of e, metres.
+const SCALE_M: f64 = 0.8;
+/// Candidates that are this much less meant than the best by everything said before do not compete.
+const RIVAL: f64 = 0.9;
 /// Most anchors that are looked at.
 const MAX_ANCHORS: usize = 12;
 
@@ -80,7 +84,8 @@ pub(crate) fn relation(
                 first.iter().filter(|anchor| anchor.1 != each.index).map(score).fold(FLOOR, f64::max)
             });
             // Without a front of its own a thing has no sides that people agree about; they mean what is near.
-            let has_sides = relation != SpatialRelation::AtEnd && first.iter().any(|(_, index)| scene.things[*index].front.is_some());
+            let has_sides = relation != SpatialRelation::AtEnd
+                && first.iter().any(|(_, index)| scene.things[*index].front.is_some());
             let weight = if has_sides { 0.0 } else { 0.4 };
             near.into_iter().zip(sides).map(|(near, side)| near.powf(weight) * side).collect()
         }
@@ -178,23 +183,39 @@ fn key_m(a: &Aabb, b: &Aabb) -> f64 {
     a.gap_m(b) + 0.3 * (a.center() - b.center()).norm()
 }
 
-/// Nearest (`sign` 1) or farthest (-1) among those of the class.
-fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
-    /// Difference of distance that costs a factor of e, metres.
-    const SCALE_M: f64 = 0.8;
-    /// Candidates that are this much less meant by everything said before do not compete.
-    const RIVAL: f64 = 0.9;
-    let keys: Vec<f64> = found
+/// The n-th nearest to (or farthest from) the anchors among those of the class.
+pub(crate) fn nth(relation: SpatialRelation, n: u32, found: &[Match], anchors: &[Match], scene: &Scene) -> Vec<f64> {
+    let sign = if matches!(relation, SpatialRelation::Farthest) { -1.0 } else { 1.0 };
+    let keys = keys_m(found, &worthy(anchors), scene, sign);
+    let mut order: Vec<(f64, ObjectId)> = rivals(found, &keys).map(|index| (keys[index], found[index].id)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let position = if n == u32::MAX { order.len().saturating_sub(1) } else { n.max(1) as usize - 1 };
+    let wanted = order.get(position.min(order.len().saturating_sub(1))).map(|(_, id)| *id);
+    found.iter().map(|each| if Some(each.id) == wanted { 1.0 } else { FLOOR }).collect()
+}
+
+/// Distance of each candidate to its nearest anchor, times `sign`.
+fn keys_m(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
+    found
         .iter()
         .map(|each| {
             let own = &scene.things[each.index].bounds;
             let key = |&(weight, index): &(f64, usize)| key_m(own, &scene.things[index].bounds) - SCALE_M * weight.ln();
             anchors.iter().filter(|anchor| anchor.1 != each.index).map(key).fold(f64::INFINITY, f64::min) * sign
         })
-        .collect();
+        .collect()
+}
+
+/// Candidates that compete for being the nearest: by all that was said before, they are meant about as much as the best.
+fn rivals<'a>(found: &'a [Match], keys: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
     let top = found.iter().map(|each| each.rank).fold(0.0, f64::max);
-    let rivals = keys.iter().zip(found).filter(|(key, each)| key.is_finite() && each.rank >= RIVAL * top);
-    let best = rivals.map(|(key, _)| *key).fold(f64::INFINITY, f64::min);
+    (0..found.len()).filter(move |index| keys[*index].is_finite() && found[*index].rank >= RIVAL * top)
+}
+
+/// Nearest (`sign` 1) or farthest (-1) among those of the class.
+fn nearness(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
+    let keys = keys_m(found, anchors, scene, sign);
+    let best = rivals(found, &keys).map(|index| keys[index]).fold(f64::INFINITY, f64::min);
     keys.iter()
         .map(|key| {
             if key.is_finite() && best.is_finite() {

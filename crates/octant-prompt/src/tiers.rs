@@ -283,9 +283,9 @@ fn others<'a>(view: &View<'a>, here: Option<RoomId>) -> Vec<Other<'a>> {
     out.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
     let position = Point3::from(view.world_from_body.translation.vector);
     let homeless = view.graph.objects().filter(|object| object.room.is_none());
-    let nearest = homeless.map(|object| &object.centroid).min_by(|a, b| {
-        (*a - position).norm_squared().total_cmp(&(*b - position).norm_squared())
-    });
+    let nearest = homeless
+        .map(|object| &object.centroid)
+        .min_by(|a, b| (*a - position).norm_squared().total_cmp(&(*b - position).norm_squared()));
     if let (Some(centroid), true) = (nearest, here.is_some()) {
         out.push(of(None, None, centroid));
     }
@@ -412,9 +412,7 @@ fn own_room(
 ) -> (Vec<Item>, Vec<Item>, Vec<Run>) {
     let ordinals = ordinals(view, &mut rows, classes);
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by(|a, b| {
-        rows[*a].distance_m.total_cmp(&rows[*b].distance_m).then(rows[*a].id.cmp(&rows[*b].id))
-    });
+    order.sort_by(|a, b| rows[*a].distance_m.total_cmp(&rows[*b].distance_m).then(rows[*a].id.cmp(&rows[*b].id)));
     let listed = if rows.len() > MAX_LISTED { NEAREST_LISTED } else { rows.len() };
     let (mut focal, mut peripheral) = (Vec::new(), Vec::new());
     for &index in &order[..listed] {

@@ -93,7 +93,8 @@ pub fn stand_in(asked: &Class, label: &Class) -> f64 {
     }
     // A shared word counts by how much of the name it is, the last one most.
     let asked_words = asked.text.split(' ').count() as f64;
-    let shared = asked.text.split(' ').filter(|word| word.len() > 2 && label.text.split(' ').any(|other| other == *word));
+    let shared =
+        asked.text.split(' ').filter(|word| word.len() > 2 && label.text.split(' ').any(|other| other == *word));
     let head = label.text.split(' ').next_back() == asked.text.split(' ').next_back();
     let share = shared.count() as f64 / asked_words;
     if share > 0.0 { 0.1 + 0.1 * share + if head { 0.1 } else { 0.0 } } else { 0.0 }

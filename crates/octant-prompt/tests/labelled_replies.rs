@@ -11,7 +11,18 @@ use support::{Put, corner, graph, pose, put};
 const REPLIES: usize = 10_000;
 const ROOMS: [&str; 3] = ["kitchen", "bedroom", "office"];
 const FURNITURE: [&str; 12] = [
-    "table", "desk", "shelf", "bench", "dresser", "stove", "nightstand", "piano", "printer", "ottoman", "cart", "crib",
+    "table",
+    "desk",
+    "shelf",
+    "bench",
+    "dresser",
+    "stove",
+    "nightstand",
+    "piano",
+    "printer",
+    "ottoman",
+    "cart",
+    "crib",
 ];
 const SMALL: [&str; 6] = ["mug", "book", "bottle", "backpack", "vase", "laptop"];
 

@@ -190,7 +190,8 @@ pub fn decode(text: &str) -> Decoded {
             for part in rest.split(',').map(str::trim).filter(|part| *part != "empty" && !part.is_empty()) {
                 let words: Vec<&str> = part.split(' ').collect();
                 let is_span = |word: &str| {
-                    word.strip_suffix('m').is_some_and(|span| span.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'))
+                    word.strip_suffix('m')
+                        .is_some_and(|span| span.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'))
                 };
                 if !is_span(words[words.len() - 1]) {
                     // A line without groups.
@@ -220,7 +221,8 @@ fn area(line: &str) -> DecodedArea {
     let (side, span) = where_.split_once(' ').expect("side");
     let number = |text: &str| text.parse::<f64>().unwrap_or_else(|_| panic!("a number in {line:?}"));
     let span = span.strip_suffix('m').expect("metres");
-    let span_m = span.split_once('-').map_or_else(|| (number(span), number(span)), |(low, high)| (number(low), number(high)));
+    let span_m =
+        span.split_once('-').map_or_else(|| (number(span), number(span)), |(low, high)| (number(low), number(high)));
     let mut parts = rest.split("; ");
     let counts = counts(parts.next().expect("counts").trim());
     let first = parts.map(|part| {
