@@ -97,9 +97,15 @@ fn refer_names_the_line_that_is_wrong() {
 fn tokens_are_within_what_was_promised() {
     let folder = tempfile::tempdir().expect("a folder");
     let dump = folder.path().join("dump").to_str().expect("UTF-8").to_string();
-    let report = json(&["bench", "tokens", "--seeds", "2", "--dump", &dump, "--json"]);
-    assert_eq!(report["counter"], "estimate");
-    // Promised for the exact counter; the estimate is at most a tenth above on these.
+    // The promises are about the exact counter; without its file the estimate stands in, which is off by up to an eighth.
+    let tokenizer = std::env::var("QWEN_TOKENIZER_JSON").ok();
+    let mut arguments = vec!["bench", "tokens", "--seeds", "2", "--dump", &dump, "--json"];
+    if let Some(path) = &tokenizer {
+        arguments.extend(["--tokenizer", path]);
+    }
+    let report = json(&arguments);
+    let (slack, least_r2) = if tokenizer.is_some() { (1.0, 0.97) } else { (1.12, 0.96) };
+    assert_eq!(report["counter"], if tokenizer.is_some() { "exact" } else { "estimate" });
     let most = [180.0, 245.0, 295.0, 125.0, 168.0, 210.0, 180.0, 200.0, 214.0];
     for (number, most) in (1..).zip(most) {
         let row = &report[format!("D{number}")];
@@ -108,13 +114,13 @@ fn tokens_are_within_what_was_promised() {
         {
             assert!(row[key].is_number(), "D{number} {key}: {row}");
         }
-        assert!(row["ours"].as_f64().expect("a number") <= 1.12 * most, "D{number}: {row}");
+        assert!(row["ours"].as_f64().expect("a number") <= slack * most, "D{number}: {row}");
     }
     let growth = report["growth"].as_array().expect("growth");
     let large = growth.iter().find(|row| row["objects"] == 10_000 && row["rooms"] == 100).expect("10,000 objects");
     assert!(large["tokens"].as_f64().expect("a number") <= 820.0, "{large}");
     assert!(growth.iter().any(|row| row["objects"].as_u64() >= Some(40_000)));
-    assert!(report["growth_r2"].as_f64() >= Some(0.97), "{}", report["growth_r2"]);
+    assert!(report["growth_r2"].as_f64() >= Some(least_r2), "{}", report["growth_r2"]);
     assert!(std::fs::read_dir(&dump).expect("a folder").count() > 100);
     let (code, _, err) = omnivln(&["bench", "tokens", "--tokenizer", "/nowhere.json"]);
     assert!(code == Some(2) && err.contains("/nowhere.json"), "{err}");
