@@ -9,7 +9,7 @@
 //! (letters followed by combining marks) may be counted a token or two off.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::io::Read;
 
 use rustc_hash::FxHashMap;
@@ -84,7 +84,7 @@ struct Added {
 struct Model {
     #[serde(rename = "type")]
     kind: String,
-    vocab: FxHashMap<String, u32>,
+    vocab: BTreeMap<String, u32>,
     merges: Vec<Merge>,
 }
 

@@ -43,7 +43,8 @@ pub fn caption_free(
     camera_height_m: f64,
     instruction: &str,
 ) -> String {
-    let mut by_room: BTreeMap<Option<RoomId>, BTreeMap<Octant, Vec<(f64, &Object)>>> = BTreeMap::new();
+    type ByOctant<'a> = BTreeMap<Octant, Vec<(f64, &'a Object)>>;
+    let mut by_room: BTreeMap<Option<RoomId>, ByOctant> = BTreeMap::new();
     for object in graph.objects() {
         let in_body = point_in_body(world_from_body, &object.centroid);
         let octant = octant_of(&in_body, camera_height_m);

@@ -144,17 +144,16 @@ impl Parser<'_> {
     /// "the brown door, not the white one": what is said of the other one does not hold for this one.
     fn contrast(&mut self, head: &mut Referring, depth: usize) -> bool {
         let before = self.at;
-        if let Some(other) = self.noun_phrase(depth + 1) {
-            if other.class.is_wildcard() || other.class.canonical == head.class.canonical {
-                let flipped = |negated: bool| !negated;
-                head.attributes.extend(
-                    other.attributes.into_iter().map(|each| Attribute { negated: flipped(each.negated), ..each }),
-                );
-                head.relations.extend(
-                    other.relations.into_iter().map(|each| RelationClause { negated: flipped(each.negated), ..each }),
-                );
-                return true;
-            }
+        if let Some(other) = self.noun_phrase(depth + 1)
+            && (other.class.is_wildcard() || other.class.canonical == head.class.canonical)
+        {
+            let flipped = |negated: bool| !negated;
+            head.attributes
+                .extend(other.attributes.into_iter().map(|each| Attribute { negated: flipped(each.negated), ..each }));
+            head.relations.extend(
+                other.relations.into_iter().map(|each| RelationClause { negated: flipped(each.negated), ..each }),
+            );
+            return true;
         }
         self.at = before;
         self.repeat_last_relation(head, depth)

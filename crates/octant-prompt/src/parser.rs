@@ -171,11 +171,11 @@ impl<'a> Parser<'a> {
                     None => {
                         let before = self.last_class.clone();
                         head = self.noun_phrase(0);
-                        if let (Some(head), Some(before)) = (&mut head, before) {
-                            if head.class.text == "one" {
-                                head.class = before; // "facing the sinks, it's the one on the right"
-                                head.class.is_plural = false;
-                            }
+                        if let (Some(head), Some(before)) = (&mut head, before)
+                            && head.class.text == "one"
+                        {
+                            head.class = before; // "facing the sinks, it's the one on the right"
+                            head.class.is_plural = false;
                         }
                     }
                     Some(head) => {
