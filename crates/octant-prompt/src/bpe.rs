@@ -5,7 +5,7 @@
 //! split: (?i:'s|'t|'re|'ve|'m|'ll|'d) | [^\r\n\p{L}\p{N}]?\p{L}+ | \p{N} | ?[^\s\p{L}\p{N}]+[\r\n]* | \s*[\r\n]+ | \s+(?!\S) | \s+
 //! ```
 //! Files with another split are refused rather than miscounted. The split is scanned by hand: it needs a look-ahead, and no tables
-//! beyond those of `char` and [`crate::unicode_marks`]. Departure: the file's NFC step is not applied; text that is not in NFC
+//! beyond those of `char` and `unicode_marks.rs`. Departure: the file's NFC step is not applied; text that is not in NFC
 //! (letters followed by combining marks) may be counted a token or two off.
 
 use std::cmp::Reverse;

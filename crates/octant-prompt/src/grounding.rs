@@ -79,7 +79,7 @@ pub struct Match {
     pub weakest_relation: f64,
     /// Product of everything, with extremes and trust.
     pub total: f64,
-    /// How much more it is meant than the others, by what the parts single out ([`crate::singling`]); only the order has a meaning.
+    /// How much more it is meant than the others, by what the parts single out (`singling.rs`); only the order has a meaning.
     pub rank: f64,
 }
 
