@@ -1,4 +1,4 @@
-//! Curves over time as SVG text.
+//! Curves over time and bars in groups, as SVG text.
 
 use plotters::prelude::*;
 
@@ -46,9 +46,75 @@ pub fn curves(title: &str, unit: &str, series: &[(&str, Vec<(f64, f64)>)]) -> St
     svg
 }
 
+/// Draws bars: one group for each name, one bar in it for each series; what is not finite is left out. The axis begins at zero.
+pub fn bars(title: &str, unit: &str, groups: &[&str], series: &[(&str, Vec<f64>)]) -> String {
+    const SIZE: (u32, u32) = (900, 300);
+    let values = || series.iter().flat_map(|(_, values)| values).copied().filter(|value| value.is_finite());
+    let high = values().fold(1e-3, f64::max);
+    if groups.is_empty() || series.is_empty() {
+        return format!("<p>{title}: nothing to draw</p>");
+    }
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let drawn = (|| -> Result<(), Box<dyn std::error::Error>> {
+            let mut chart = ChartBuilder::on(&root)
+                .caption(format!("{title}, {unit}"), ("sans-serif", 15))
+                .margin(8)
+                .x_label_area_size(30)
+                .y_label_area_size(56)
+                .build_cartesian_2d(-0.5..groups.len() as f64 - 0.5, 0.0..high * (1.1 + 0.1 * series.len() as f64))?;
+            let label = |at: &f64| {
+                let index = at.round();
+                let is_middle = (at - index).abs() < 1e-6 && index >= 0.0;
+                if is_middle { groups.get(index as usize).copied().unwrap_or("").to_string() } else { String::new() }
+            };
+            chart
+                .configure_mesh()
+                .disable_x_mesh()
+                .light_line_style(WHITE)
+                .x_labels(groups.len() * 2 + 1)
+                .x_label_formatter(&label)
+                .y_labels(6)
+                .draw()?;
+            let width = 0.8 / series.len() as f64;
+            for (index, (name, values)) in series.iter().enumerate() {
+                let color = Palette99::pick(index).to_rgba();
+                let left = |group: usize| group as f64 - 0.4 + width * index as f64;
+                let finite = values.iter().copied().enumerate().filter(|(_, value)| value.is_finite());
+                chart
+                    .draw_series(finite.map(|(group, value)| {
+                        Rectangle::new([(left(group), 0.0), (left(group) + 0.92 * width, value)], color.filled())
+                    }))?
+                    .label(*name)
+                    .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 12, y + 5)], color.filled()));
+            }
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperLeft)
+                .background_style(WHITE.mix(0.8))
+                .border_style(BLACK.mix(0.2))
+                .draw()?;
+            root.present()?;
+            Ok(())
+        })();
+        if drawn.is_err() {
+            return format!("<p>{title}: nothing to draw</p>");
+        }
+    }
+    svg
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bars_are_drawn_and_nothing_or_nan_does_no_harm() {
+        let svg = bars("tokens", "1", &["D1", "D2"], &[("ours", vec![1.0, 2.0]), ("flat", vec![3.0, f64::NAN])]);
+        assert!(svg.starts_with("<svg") && svg.contains("D2") && svg.contains("flat"), "{svg}");
+        assert!(bars("empty", "1", &[], &[]).contains("nothing"));
+    }
 
     #[test]
     fn curves_are_drawn_and_nothing_or_nan_does_no_harm() {

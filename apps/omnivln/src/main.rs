@@ -3,15 +3,23 @@
 mod ask;
 mod barcode;
 mod bench;
+mod bench_page;
+mod bench_reg;
+mod bench_tiers;
+mod bench_tokens;
 mod dsg;
 mod floor_of_places;
 mod fuse;
 mod map;
 mod memory;
+mod nine_scenes;
 mod odometry;
 mod plan_air;
+mod prompt_reader;
 mod record;
 mod recording_args;
+mod refer;
+mod refer_page;
 mod register;
 mod rooms;
 
@@ -50,7 +58,9 @@ enum Command {
     Odometry(odometry::OdometryOptions),
     /// Flies through corridors: certified trajectories, their cost and what they took
     PlanAir(plan_air::PlanAirOptions),
-    /// Measures the whole system
+    /// Which objects sentences mean: the grounder on recorded rooms with labelled boxes, scored
+    Refer(refer::ReferOptions),
+    /// Measures the whole system and its parts
     #[command(subcommand)]
     Bench(BenchCommand),
 }
@@ -63,6 +73,12 @@ enum BenchCommand {
     Coverage(bench::CoverageOptions),
     /// The scene graph after a survey against the truth: objects, places, doorways, relations, groups, ids of rooms
     Map(bench::MapOptions),
+    /// What a prompt costs on nine scenes, beside flat lists, and how it grows with the building
+    Tokens(bench_tokens::TokensOptions),
+    /// Whether a prompt says enough: right answers of readers that get nothing else
+    Tiers(bench_tiers::TiersOptions),
+    /// Descriptions of things in recorded rooms: understood by the grounder, and true of the boxes
+    Reg(bench_reg::RegOptions),
 }
 
 fn main() -> ExitCode {
@@ -80,6 +96,10 @@ fn main() -> ExitCode {
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),
+        Command::Bench(BenchCommand::Tokens(options)) => bench_tokens::run(&options),
+        Command::Bench(BenchCommand::Tiers(options)) => bench_tiers::run(&options),
+        Command::Bench(BenchCommand::Reg(options)) => bench_reg::run(&options),
+        Command::Refer(options) => refer::run(&options),
     };
     match result {
         Ok(code) => code,

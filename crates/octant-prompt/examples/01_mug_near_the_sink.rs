@@ -39,7 +39,7 @@ fn main() {
     let situation =
         Situation { frontiers: &frontiers, ..Situation::new(&graph, world_from_body, &instruction, &straight, &never) };
     let prompt = build_prompt_for(&situation, &PromptConfig::default(), &Estimate);
-    let flat_tokens = Estimate.count(&flat_json(&graph, &instruction.text));
+    let flat_tokens = Estimate.count(&flat_json(&graph, &world_from_body, &instruction.text));
     println!("\n--- prompt: {} tokens (flat list: {flat_tokens}) ---\n{}\n---\n", prompt.tokens, prompt.text);
 
     // 5. A hasty model picks the mug beside it, then babbles; the critic objects; the embedded reasoner takes over.

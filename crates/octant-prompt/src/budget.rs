@@ -1,6 +1,6 @@
 //! Fitting a prompt into its budget by dropping detail, the farthest and least relevant first.
 //!
-//! The order is fixed: far rooms lose their groups, then their counts (rooms without the asked class first, the farthest first); then
+//! The order is fixed: areas lose their counts, then their lines (the farthest first); far rooms lose their groups, then their counts (rooms without the asked class first, the farthest first); then
 //! peripheral objects, the places beyond the second, captions, and focal objects, each from far to near. So "how much must go" is one
 //! number, found by bisection with the real counter on the real text: O(log n) renderings.
 
@@ -10,10 +10,8 @@ use crate::render::{Detail, render};
 use crate::tiers::{Item, Tiers};
 use crate::tokens::TokenCounter;
 
-/// Rooms that are shown at most; the rest is folded from the start.
-const MAX_ROOMS: usize = 64;
-/// Objects listed one by one at most, per tier.
-const MAX_ITEMS: usize = 48;
+/// Rooms that are shown with groups and distances.
+const FULL_ROOMS: usize = 4;
 
 /// A prompt's text within its budget, with its tokens and names.
 pub fn fit(
@@ -68,12 +66,14 @@ fn cut_instruction(mut detail: Detail, instruction: &str, fits: &dyn Fn(&Detail)
 struct Plan {
     /// Rooms in the order in which they lose detail.
     rooms: Vec<usize>,
-    shown_rooms: usize,
     room_count: usize,
+    /// Areas in the order in which they lose detail.
+    areas: Vec<usize>,
     /// Objects in the order in which they go.
     peripheral: Vec<usize>,
     focal: Vec<usize>,
     captions: usize,
+    has_crowd: bool,
     places: usize,
     instruction_bytes: usize,
 }
@@ -86,23 +86,29 @@ impl Plan {
         let mut rooms: Vec<usize> = (0..tiers.rooms.len()).collect();
         // Unasked before asked, far before near; `tiers.rooms` is sorted by distance.
         rooms.sort_by_key(|index| (tiers.rooms[*index].is_asked, std::cmp::Reverse(*index)));
-        let hidden = rooms.len().saturating_sub(MAX_ROOMS);
-        let rooms: Vec<usize> = rooms.split_off(hidden);
+        let mut areas: Vec<usize> = (0..tiers.areas.len()).collect();
+        areas.sort_by_key(|index| (!tiers.areas[*index].asked.is_empty(), std::cmp::Reverse(*index)));
         let captioned = tiers.focal.iter().filter(|item| item.is_asked && !item.caption.is_empty()).count();
         Plan {
-            shown_rooms: rooms.len(),
             rooms,
             room_count: tiers.rooms.len(),
+            areas,
             peripheral: dropping_order(&tiers.peripheral),
             focal: dropping_order(&tiers.focal),
             captions: captioned.min(config.max_captions),
+            has_crowd: !tiers.crowd.is_empty(),
             places: tiers.places.len(),
             instruction_bytes: instruction.len(),
         }
     }
 
     fn steps(&self) -> usize {
-        2 * self.shown_rooms + self.peripheral.len() + self.places + self.captions + self.focal.len()
+        2 * (self.areas.len() + self.rooms.len())
+            + usize::from(self.has_crowd)
+            + self.peripheral.len()
+            + self.places
+            + self.captions
+            + self.focal.len()
     }
 
     /// The detail after `count` steps of dropping.
@@ -113,11 +119,20 @@ impl Plan {
             left -= taken;
             taken
         };
-        let mut rooms = vec![0; self.room_count];
-        let room_steps = take(2 * self.shown_rooms);
-        for (position, index) in self.rooms.iter().enumerate() {
-            rooms[*index] = 2 - room_steps.saturating_sub(2 * position).min(2) as u8;
-        }
+        // One after the other in the given order, each in two steps.
+        let levels = |order: &[usize], steps: usize| {
+            let mut levels = vec![0; order.len()];
+            for (position, index) in order.iter().enumerate() {
+                levels[*index] = 2 - steps.saturating_sub(2 * position).min(2) as u8;
+            }
+            levels
+        };
+        let areas = levels(&self.areas, take(2 * self.areas.len()));
+        let mut rooms = levels(&self.rooms, take(2 * self.room_count));
+        // The larger the building, the less of each room: groups and distances of the nearest only, of none where there are areas.
+        let full = if self.areas.is_empty() { FULL_ROOMS } else { 0 };
+        rooms.iter_mut().skip(full).for_each(|level| *level = (*level).min(1));
+        let crowd = take(usize::from(self.has_crowd));
         let peripheral = take(self.peripheral.len());
         let far_places = take(self.places.saturating_sub(KEPT_PLACES));
         let captions = take(self.captions);
@@ -133,16 +148,17 @@ impl Plan {
             focal: kept(&self.focal, focal),
             peripheral: kept(&self.peripheral, peripheral),
             rooms,
+            areas,
+            crowd: crowd == 0,
             places,
             instruction_bytes: self.instruction_bytes,
         }
     }
 }
 
-/// Unasked before asked, far before near, at most [`MAX_ITEMS`] of the nearest.
+/// Unasked before asked, far before near.
 fn dropping_order(items: &[Item]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..items.len()).collect();
     order.sort_by_key(|index| (items[*index].is_asked, std::cmp::Reverse(*index)));
-    let hidden = order.len().saturating_sub(MAX_ITEMS);
-    order.split_off(hidden)
+    order
 }

@@ -11,6 +11,7 @@ use crate::instruction::{RoomReference, SpatialRelation, StepKind, Superlative};
 use crate::search::{self, SearchPlace};
 use crate::situation::Situation;
 use crate::symbolic::is_doubtful;
+use crate::vocabulary::STAND_IN;
 
 /// Known answers to the present step.
 #[derive(Debug, Clone)]
@@ -144,7 +145,9 @@ fn objects(situation: &Situation, scene: &Scene, config: &GroundingConfig) -> Ve
         return Vec::new();
     };
     let found = ground(&step.goal, scene, &situation.viewer());
-    let fresh = found.into_iter().filter(|found| !situation.has_failed(&Action::GoNear(found.id)));
+    // What only stands in for a word helps to find other things; nobody goes there for it.
+    let fresh =
+        found.into_iter().filter(|found| found.class > STAND_IN && !situation.has_failed(&Action::GoNear(found.id)));
     fresh
         .map(|found| {
             let is_accepted = found.is_accepted(config);
@@ -202,7 +205,8 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
     let anchors_unknown = goal.relations.iter().any(|clause| {
         !clause.negated
             && clause.anchors.iter().any(|anchor| {
-                ground(anchor, &known.scene, &situation.viewer()).first().is_none_or(|best| best.total < 0.3)
+                let best = ground(anchor, &known.scene, &situation.viewer());
+                best.first().is_none_or(|best| best.total < 0.3 || best.class <= STAND_IN)
             })
     });
     let room_unknown = goal.room.is_some() && known.rooms.first().is_none_or(|room| room.score < 0.3);

@@ -10,9 +10,10 @@ use nalgebra::Point3;
 use crate::attributes::attribute_score;
 use crate::extremes::extremes;
 use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
-use crate::relations::{Shape, Viewer, between_score, nearness_key_m, relation_score};
+use crate::relations::{Shape, Viewer, between_score, facing_front, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
-use crate::vocabulary::{class_similarity, is_container, kind_similarity};
+use crate::singling;
+use crate::vocabulary::{class_similarity, is_container, kind_similarity, stand_in};
 
 /// What counts as "yes".
 #[derive(Debug, Clone, PartialEq)]
@@ -78,6 +79,8 @@ pub struct Match {
     pub weakest_relation: f64,
     /// Product of everything, with extremes and trust.
     pub total: f64,
+    /// How much more it is meant than the others, by what the parts single out (`singling.rs`); only the order has a meaning.
+    pub rank: f64,
 }
 
 impl Match {
@@ -94,7 +97,7 @@ impl Match {
 pub fn ground(goal: &Referring, scene: &Scene, viewer_position: &Point3<f64>) -> Vec<Match> {
     let viewer = viewer_of(goal, scene, viewer_position);
     let mut matches = matches(goal, scene, &viewer, 0);
-    matches.sort_by(|a, b| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id)));
+    matches.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.id.cmp(&b.id)));
     matches
 }
 
@@ -139,6 +142,9 @@ pub fn room_score(reference: &RoomReference, room: usize, scene: &Scene, viewer_
     name * contents
 }
 
+/// Class scores below this are no answer at all.
+const LEAST_CLASS: f64 = 0.05;
+
 fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Vec<Match> {
     let mut similarity: Vec<f64> = scene.classes.iter().map(|class| class_similarity(&goal.class, class)).collect();
     if similarity.contains(&1.0) {
@@ -146,11 +152,14 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         const OTHER_WORD: f64 = 0.75;
         similarity.iter_mut().filter(|value| **value == 0.95).for_each(|value| *value *= OTHER_WORD);
     }
+    if similarity.iter().all(|value| *value <= LEAST_CLASS) {
+        similarity = scene.classes.iter().map(|class| stand_in(&goal.class, class)).collect();
+    }
     let mut found: Vec<Match> = Vec::new();
     for (index, thing) in scene.things.iter().enumerate() {
         let class =
             thing.classes.iter().map(|(class, weight)| similarity[*class as usize] * weight).fold(0.0, f64::max);
-        if class > 0.05 {
+        if class > LEAST_CLASS {
             found.push(Match {
                 id: thing.id,
                 index,
@@ -159,9 +168,11 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
                 room: 1.0,
                 weakest_relation: 1.0,
                 total: class * thing.trust,
+                rank: thing.trust,
             });
         }
     }
+    singling::class(&goal.class, &mut found, scene);
     if found.is_empty() || depth > 6 {
         return found;
     }
@@ -176,11 +187,14 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         // A thing that no room holds yet may stand in any.
         each.room = room_scores.as_ref().map_or(1.0, |scores| thing.room.map_or(0.4, |room| scores[room]));
         each.total *= each.attributes * each.room;
+        each.rank *= each.attributes * each.room;
     }
-    for clause in &goal.relations {
-        relate(clause, &mut found, scene, viewer, depth);
+    for (position, clause) in goal.relations.iter().enumerate() {
+        let ordinal = goal.ordinal.filter(|_| goal.ordinal_clause() == Some(position));
+        relate(clause, ordinal, &mut found, scene, viewer, depth);
     }
-    extremes(goal, &mut found, scene, viewer);
+    extremes(goal, &mut found, |each| &mut each.total, scene, viewer);
+    extremes(goal, &mut found, |each| &mut each.rank, scene, viewer);
     found
 }
 
@@ -205,7 +219,25 @@ fn rooms(goal: &Referring, scene: &Scene, viewer: &Viewer) -> Option<Vec<f64>> {
 }
 
 /// Multiplies the score of one relation clause into every candidate.
-fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+fn relate(
+    clause: &RelationClause,
+    ordinal: Option<u32>,
+    found: &mut [Match],
+    scene: &Scene,
+    viewer: &Viewer,
+    depth: usize,
+) {
+    if is_on_the_floor(clause) {
+        let lowest_m = scene.things.iter().map(|thing| thing.bounds.min.z).fold(f64::INFINITY, f64::min);
+        for each in found.iter_mut() {
+            let height_m = scene.things[each.index].bounds.min.z - lowest_m;
+            let score = (-(height_m - FLOOR_ERROR_M).max(0.0) / 0.2).exp();
+            multiply(each, if clause.negated { 1.0 - score } else { score });
+            each.rank *= (if clause.negated { 1.0 - score } else { score }).max(0.05);
+        }
+        pass_on(&clause.anchors[0], found, scene, viewer, depth);
+        return;
+    }
     let anchors: Vec<Vec<Match>> =
         clause.anchors.iter().map(|anchor| matches(anchor, scene, viewer, depth + 1)).collect();
     let scores: Vec<f64> = match clause.relation {
@@ -216,18 +248,67 @@ fn relate(clause: &RelationClause, found: &mut [Match], scene: &Scene, viewer: &
             .map(|each| best_anchor(relation, each, anchors.first().map_or(&[], Vec::as_slice), scene, viewer))
             .collect(),
     };
+    if let (Some(ordinal), Some(anchors)) = (ordinal, anchors.first().filter(|anchors| !anchors.is_empty())) {
+        let ranks = singling::nth(clause.relation, ordinal, found, anchors, scene);
+        for (each, rank) in found.iter_mut().zip(ranks) {
+            each.rank *= rank;
+            multiply(each, rank);
+        }
+        return;
+    }
+    if anchors.iter().all(|anchors| !anchors.is_empty()) {
+        let ranks = singling::relation(clause.relation, found, &anchors, scene, viewer);
+        for (each, rank) in found.iter_mut().zip(ranks) {
+            each.rank *= if clause.negated { 1.02 - rank } else { rank };
+        }
+        if let ([anchor], [[_]]) =
+            (clause.anchors.as_slice(), anchors.iter().map(Vec::as_slice).collect::<Vec<_>>().as_slice())
+        {
+            pass_on(anchor, found, scene, viewer, depth);
+        }
+    }
     for (each, score) in found.iter_mut().zip(scores) {
-        const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
-        let score = if clause.negated { 1.0 - score } else { score }.clamp(FLOOR, 1.0);
-        each.weakest_relation = each.weakest_relation.min(score);
-        each.total *= score;
+        multiply(each, if clause.negated { 1.0 - score } else { score });
     }
 }
 
-fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {
+/// "the box on the shelf next to the door", where there is one shelf: what is said about the only one is meant to tell the boxes apart.
+fn pass_on(anchor: &Referring, found: &mut [Match], scene: &Scene, viewer: &Viewer, depth: usize) {
+    for clause in &anchor.relations {
+        let anchors: Vec<Vec<Match>> =
+            clause.anchors.iter().map(|anchor| matches(anchor, scene, viewer, depth + 1)).collect();
+        if anchors.iter().all(|anchors| !anchors.is_empty()) {
+            let ranks = singling::relation(clause.relation, found, &anchors, scene, viewer);
+            for (each, rank) in found.iter_mut().zip(ranks) {
+                each.rank *= if clause.negated { 1.02 - rank } else { rank };
+            }
+        }
+    }
+    let said = Referring { superlatives: anchor.superlatives.clone(), ordinal: None, ..Referring::default() };
+    extremes(&said, found, |each| &mut each.rank, scene, viewer);
+}
+
+fn multiply(each: &mut Match, score: f64) {
+    const FLOOR: f64 = 1e-4; // a wrong relation never erases the class: at the end of a search it still ranks
+    let score = score.clamp(FLOOR, 1.0);
+    each.weakest_relation = each.weakest_relation.min(score);
+    each.total *= score;
+}
+
+/// Height above the lowest thing known at which something may still stand on the floor, metres.
+const FLOOR_ERROR_M: f64 = 0.2;
+
+/// "on the floor": every storey has one, whether or not it is among the things.
+fn is_on_the_floor(clause: &RelationClause) -> bool {
+    clause.relation == SpatialRelation::On
+        && matches!(clause.anchors.as_slice(), [floor] if matches!(floor.class.text.as_str(), "floor" | "ground"))
+}
+
+pub(crate) fn shape<'a>(thing: &'a Thing, scene: &Scene) -> Shape<'a> {
     Shape {
         bounds: &thing.bounds,
         front: thing.front,
+        oriented: thing.oriented.as_ref(),
         is_container: thing.classes.first().is_some_and(|(class, _)| is_container(&scene.classes[*class as usize])),
     }
 }
@@ -325,7 +406,7 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     let plain = Viewer { position: *position, forward: None };
     let Some(view) = &goal.view else { return plain };
     let mut seen = matches(&view.anchor, scene, &plain, 1);
-    seen.sort_by(|a, b| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id)));
+    seen.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.id.cmp(&b.id)));
     let Some(best) = seen.first() else {
         return plain;
     };
@@ -334,7 +415,8 @@ fn viewer_of(goal: &Referring, scene: &Scene, position: &Point3<f64>) -> Viewer 
     match view.kind {
         // Whoever faces a thing with a front looks at its front.
         ViewKind::Facing => {
-            let front = scene.things[best.index].front.map(|front| (anchor - front).xy());
+            let thing = shape(&scene.things[best.index], scene);
+            let front = thing.front.and_then(|front| facing_front(&thing, &front));
             Viewer { position: *position, forward: Some(front.unwrap_or(towards)) }
         }
         ViewKind::BackTo => Viewer { position: *position, forward: Some(-towards) },

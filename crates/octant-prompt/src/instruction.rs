@@ -37,6 +37,14 @@ impl Instruction {
     }
 }
 
+impl Instruction {
+    /// The rooms that the targets of all steps name.
+    pub fn rooms(&self) -> Vec<RoomReference> {
+        let named = self.steps.iter().filter_map(|step| step.goal.room.clone());
+        named.filter(|room| !room.name.is_empty()).collect()
+    }
+}
+
 /// One step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Step {
@@ -79,6 +87,15 @@ pub struct Referring {
 }
 
 impl Referring {
+    /// The clause by which an ordinal counts ("the second chair from the window"), by position; None if it counts by a superlative.
+    pub fn ordinal_clause(&self) -> Option<usize> {
+        let by_distance = |clause: &RelationClause| {
+            !clause.negated && matches!(clause.relation, SpatialRelation::Closest | SpatialRelation::Farthest)
+        };
+        let counts = self.ordinal.is_some() && self.superlatives.is_empty();
+        counts.then(|| self.relations.iter().position(by_distance)).flatten()
+    }
+
     /// Calls `visit` for this expression and every nested one, outer first.
     pub fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Referring)) {
         visit(self);
@@ -206,6 +223,8 @@ pub enum SpatialRelation {
     Between,
     /// Across from, facing.
     Opposite,
+    /// At one of the short sides ("at the end of the table").
+    AtEnd,
 }
 
 impl SpatialRelation {
@@ -229,6 +248,7 @@ impl SpatialRelation {
             SpatialRelation::Behind => "behind",
             SpatialRelation::Between => "between",
             SpatialRelation::Opposite => "opposite",
+            SpatialRelation::AtEnd => "at the end of",
         }
     }
 }
@@ -254,6 +274,7 @@ pub enum Superlative {
     Backmost,
     Middle,
     Corner,
+    Alone,
 }
 
 impl Superlative {
@@ -277,6 +298,7 @@ impl Superlative {
             Superlative::Backmost => "backmost",
             Superlative::Middle => "in the middle",
             Superlative::Corner => "in the corner",
+            Superlative::Alone => "alone",
         }
     }
 }
@@ -290,6 +312,20 @@ pub struct RoomReference {
     pub kind: Option<String>,
     /// Things it must contain ("the room with the piano").
     pub contains: Vec<Referring>,
+}
+
+impl RoomReference {
+    /// Whether a room of the graph may be the one meant, by its name or its kind.
+    pub fn is_answered_by(&self, room: &dsg::Room) -> bool {
+        if self.name.is_empty() {
+            return false;
+        }
+        let name = crate::vocabulary::normalise(&room.name);
+        let kind = || {
+            room.kind.as_deref().and_then(crate::vocabulary::room_kind).or_else(|| crate::vocabulary::room_kind(&name))
+        };
+        name == self.name || self.kind.as_deref().is_some_and(|wanted| kind() == Some(wanted))
+    }
 }
 
 impl fmt::Display for RoomReference {

@@ -126,9 +126,10 @@ fn words(text: &str) -> Vec<String> {
             c if c.is_alphanumeric() => word.extend(c.to_lowercase()),
             '\'' | '\u{2019}' => {} // it's -> its, don't -> dont
             _ => {
-                if !word.is_empty() {
+                if !word.is_empty() && !ADVERBS.contains(&word.as_str()) {
                     words.push(std::mem::take(&mut word));
                 }
+                word.clear();
                 match c {
                     ',' | '(' | ')' | ':' => words.push(",".into()),
                     '.' | ';' | '!' | '?' | '\n' => words.push(".".into()),
@@ -162,24 +163,52 @@ static PHRASE_WORDS: LazyLock<HashMap<&'static str, usize>> = LazyLock::new(|| {
     map
 });
 
+/// Adverbs that stand inside phrases ("directly across from") and change none of them.
+const ADVERBS: &[&str] = &[
+    "very",
+    "really",
+    "also",
+    "actually",
+    "exactly",
+    "slightly",
+    "almost",
+    "partially",
+    "partly",
+    "completely",
+    "fully",
+    "nearly",
+    "directly",
+    "immediately",
+    "just",
+    "basically",
+    "somewhat",
+    "clearly",
+    "simply",
+    "probably",
+    "mostly",
+    "diagonally",
+];
+
 /// Words that say nothing about what is meant.
 const FILLERS: &str = "correct, much, specific, particular, particularly, please, hey, robot, kindly, now, quickly, slowly, very, \
     really, also, actually, exactly, slightly, me, carefully, hello, hi, so, but, currently, somewhat, kind of, \
-    sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, more, most, \
+    sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, six, seven, eight, nine, ten, several, few, many, multiple, more, most, \
+    from the side you sit on it, from the side you sit on, tucked, tucked away, pushed, lined up, pushed in, set up, turned, \
     pair of, set of, row of, stack of, pile of, group of, couple of";
 
 /// The phrases of each mark. A phrase that stands twice has the mark of its last row.
 #[rustfmt::skip]
 const ROWS: &[(Mark, &str)] = &[
     (Mark::Relation(R::Near), "near, near to, next to, right next to, nearby to, beside, besides, by, right by, close to, adjacent to, \
-        alongside, along, at, around, touching, against, leaning against, leaning on, up against, attached to, \
+        alongside, along, at, around, touching, at the side, at the foot of, at the base of, at the edge of, on the edge of, on the same side as, along with, against, leaning against, leaning on, up against, attached to, \
         connected to, near by, in the vicinity of, not far from, on the side of, to the side of, at the side of, \
         off of, pushed up to, tucked into, standing by, sitting at, sitting by, standing next to, closer to, \
         nearer to, nearer"),
     (Mark::Relation(R::Far), "far from, far away from, away from, not near, not close to, not next to"),
     (Mark::Relation(R::Closest), "closest to, nearest to, the closest to, the nearest to, most close to, closest"),
     (Mark::Relation(R::Farthest), "farthest from, furthest from, farthest away from, furthest away from, most distant from, the farthest \
-        from, the furthest from, farthest to, furthest to"),
+        from, the furthest from, farthest to, furthest to, farther from, further from, farther away from, further away from, \
+        farthest away, furthest away"),
     (Mark::Relation(R::On), "on, on top of, atop, upon, onto, resting on, lying on, laying on, sitting on, standing on, placed on, \
         hanging on, mounted on, sitting on top of, on the top of, hanging from"),
     (Mark::Relation(R::Under), "under, underneath, beneath, below, right below, directly below, directly under, right under, lower than, \
@@ -202,9 +231,11 @@ const ROWS: &[(Mark, &str)] = &[
         sandwiched between, in the middle between, inbetween, located between"),
     (Mark::Relation(R::Opposite), "opposite, opposite of, opposite to, across from, on the opposite side of, on the other side of, across, \
         opposite from, directly across from"),
+    (Mark::Relation(R::AtEnd), "at the end of, on the end of, at the head of, at the far end of, at one end of, at the short end of, on the short \
+        side of, at the other end of, at the very end of"),
     (Mark::In, "in, inside, within, inside of, into, in the inside of"),
     (Mark::With, "with, has, have, having, holding, that has, which has, containing, supporting, carrying, featuring"),
-    (Mark::Without, "without, with no, that has no, that does not have, that doesnt have, has no, lacking, that dont have"),
+    (Mark::Without, "without, with no, that has no, that does not have, that doesnt have, has no, lacking, that dont have, does not have, doesnt have, do not have, without any, not having, no"),
     (Mark::Not, "not, isnt, arent, is not, are not, but not, except, other than, rather than, never, excluding, thats \
         not, not the one"),
     (Mark::And, "and, as well as, and also, plus"),
@@ -216,9 +247,9 @@ const ROWS: &[(Mark, &str)] = &[
         looking for, we want, you need"),
     (Mark::Copula, "is, are, was, be, were, thats, its the, located, placed, situated, positioned, standing, sitting, lying, \
         laying, resting, found, hanging, stands, sits, lies, being, can be found, set, mounted, kept, directly, \
-        immediately, just, theres, seen, stored, placed right, leaning, you see, appears, seems, looks"),
+        immediately, just, theres, seen, stored, placed right, leaning, am, you see, appears, seems, looks"),
     (Mark::Of, "of, out of"),
-    (Mark::From, "from, starting from, counting from, when counted from, to"),
+    (Mark::From, "from, starting from, counting from, when counted from, through, via, to"),
     (Mark::One, "one, ones"),
     (Mark::Verb, "find, go, go to, go near, go towards, go toward, go over to, go up to, go back to, go and find, \
         approach, locate, look for, search for, search, get to, get, navigate to, navigate, walk to, walk over \
@@ -227,7 +258,7 @@ const ROWS: &[(Mark, &str)] = &[
         me, visit, reach, stop at, stop near, stop next to, stop beside, stop by, stop in front of, fetch, bring \
         me, bring, inspect, check, check on, look at, come to, travel to, proceed to, run to, choose, select, \
         pick, pick out, identify, point to, point at, i want, i need, we need, want, where is, where are, \
-        wheres, you are looking for, youre looking for, go find, can you find, can you go to, could you find, \
+        wheres, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
         return to, continue to, look, hunt for, seek, discover, spot, stop"),
     (Mark::Enter, "enter, go into, go in, walk into, move into, drive into, fly into, step into, head into, go inside, get \
         into"),
@@ -236,14 +267,14 @@ const ROWS: &[(Mark, &str)] = &[
         is, when one is"),
     (Mark::View(ViewKind::Facing), "look toward, look towards, you look at, you look toward, you look towards, stand facing, standing \
         facing, you face, you are facing, you are looking at, facing, looking at, looking toward, looking \
-        towards, face, facing towards, facing toward, looking to, looking in the direction of, view from the \
+        towards, face, facing towards, facing toward, looking to, looking in the direction of, looking, staring at, looking straight at, look at, look straight at, view from the \
         front of, looking from the front of"),
     (Mark::View(ViewKind::BackTo), "with your back to, with your back against, with your back towards, with back to, with the back to, back \
-        to, your back to, your back is to, your back to the, with your back facing"),
+        to, your back to, your back is to, your back to the, with your back facing, with its back to, with its back against, having its back to, with the back against"),
     (Mark::View(ViewKind::From), "entering, entering from, entering through, you enter, walking in, walk in, walk in from, walking into, \
         standing at, standing in, standing by, coming in, coming in from, come in, looking from, viewed from, \
         seen from, enter the room, standing in front of, stand at, stand in, stand by, sitting in, you walk in, \
-        walking in from, walk through, walking through, coming through, standing near"),
+        walking in from, walk through, walking through, coming through, coming from, come from, walk in through, walking in through, coming in through, enter through, enter from, you enter through, you enter from, you walk through, standing near"),
     (Mark::Superlative(S::Nearest), "nearest, closest one, nearest one, closest by"),
     (Mark::Superlative(S::Farthest), "farthest, furthest, most distant, farthest away, furthest away, far"),
     (Mark::Superlative(S::Largest), "largest, biggest, larger, bigger, greatest"),
@@ -253,21 +284,26 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::Superlative(S::Longest), "longest, longer"),
     (Mark::Superlative(S::Widest), "widest, wider, broadest"),
     (Mark::Superlative(S::Narrowest), "narrowest, thinnest, thinner, narrower, skinnier"),
-    (Mark::Superlative(S::Highest), "highest, topmost, uppermost, upper, higher, top, at the top, on the top, on top, higher up"),
+    (Mark::Superlative(S::Highest), "highest, topmost, uppermost, upper, higher, top, at the top, on the top, on top, on its top, higher up"),
     (Mark::Superlative(S::Lowest), "lowest, bottommost, lower, bottom, at the bottom, on the bottom"),
     (Mark::Superlative(S::Leftmost), "leftmost, left most, left, on the left, to the left, on the left side, at the left, on your left, to \
         your left, far left, on the far left, on the left hand side, left hand, on left, the left side, on the \
         left most side, left side, left one, furthest left, farthest left, furthest to the left, farthest to the \
-        left, all the way to the left, on the left wall"),
+        left, all the way to the left, on the left wall, lefthand, on the lefthand side, left handed, to the far left, at the far left, the left most, left hand side"),
     (Mark::Superlative(S::Rightmost), "rightmost, right most, right, on the right, to the right, on the right side, at the right, on your \
         right, to your right, far right, on the far right, on the right hand side, right hand, on right, the \
         right side, right side, right one, furthest right, farthest right, furthest to the right, farthest to \
-        the right, all the way to the right, on the right wall"),
+        the right, all the way to the right, on the right wall, righthand, on the righthand side, right handed, to the far right, at the far right, the right most, right hand side"),
     (Mark::Superlative(S::Frontmost), "frontmost, front most, in front, in the front, at the front, up front"),
-    (Mark::Superlative(S::Backmost), "backmost, back most, at the back, in the back, rearmost, in back"),
+    (Mark::Superlative(S::Backmost), "backmost, back most, at the back, in the back, rearmost, in back, back"),
     (Mark::Superlative(S::Middle), "middle, in the middle, in the middle of the room, in the center, in the centre, center, centre, central, \
         in the center of the room, in the centre of the room, middlemost"),
-    (Mark::Superlative(S::Corner), "in the corner, in a corner, in the corner of the room, in the corner of, at the corner, corner"),
+    (Mark::Superlative(S::Corner), "in the corner, in a corner, in the corner of the room, in the corner of, at the corner, corner, in the far corner, in the far corner of the room, far corner, \
+        in the back corner"),
+    (Mark::Superlative(S::Alone), "alone, by itself, all by itself, on its own, by themselves, all alone, standing alone, off by itself, \
+        sitting alone, isolated, separate, separated from the others, standing by itself, sitting by itself, \
+        stands alone, sits alone, away from the others"),
+    (Mark::Size(S::Alone), "single, lone, lonely, sole, solo, solitary"),
     (Mark::Size(S::Largest), "large, big, huge, great"),
     (Mark::Size(S::Smallest), "small, little, tiny, compact"),
     (Mark::Size(S::Tallest), "tall"),

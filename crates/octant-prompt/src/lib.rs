@@ -43,7 +43,7 @@
 //! 2. [`tiers`] sorts the graph into focal, peripheral and global tiers with octants (Eq. 8-9) and names; [`budget`] drops detail, the
 //!    farthest first, until [`render`]'s text fits; [`prompt`] is the reading file of this half.
 //! 3. A [`Reasoner`] proposes an action: [`SymbolicReasoner`] by rules in the paper's four steps ([`symbolic`], [`mod@candidates`],
-//!    [`search`], [`grounding`], [`relations`]), or a model that is sent [`messages`] and may call [`tools`]; [`reply`] parses its text.
+//!    [`search`], [`grounding`] by [`relations`] and by what a sentence singles out), or a model that is sent [`messages`] and may call [`tools`]; [`reply`] parses its text.
 //! 4. [`Critic`] checks the action against the graph as it is now; [`decide_with_critic`] retries with the objection, a bounded number
 //!    of times, then lets the symbolic reasoner decide. Nothing leaves unverified.
 //!
@@ -53,8 +53,8 @@
 //! exceeds it, whatever labels, captions and instruction hold. Everything from a model is hostile until parsed: bounded, never a panic.
 //!
 //! # What it does not do
-//! It opens no socket, reads no clock and plans no path: path lengths and "may I stop here" come in as closures. The exact count of a
-//! model's tokenizer comes in as a closure too; the built-in [`Estimate`] is within 12 % of Qwen2.5 on such prompts.
+//! It opens no socket, reads no clock and plans no path: path lengths and "may I stop here" come in as closures. It ships no vocabulary:
+//! the built-in [`Estimate`] is within 13 % of Qwen2.5 on such prompts; [`BytePairs`] counts exactly with a `tokenizer.json` of the user.
 //!
 //! # References
 //! OmniVLN, section III-C (octants, hierarchical chain of thought, actor-critic). Relations: ReferIt3D's Sr3D generator (Achlioptas et
@@ -63,9 +63,12 @@
 pub mod action;
 pub mod actor_critic;
 mod attributes;
+pub mod bpe;
 pub mod budget;
 pub mod candidates;
+pub mod clause_truth;
 pub mod critic;
+pub mod describe;
 mod extremes;
 pub mod flat;
 pub mod grounding;
@@ -76,28 +79,34 @@ mod modifiers;
 pub mod names;
 mod noun_phrase;
 pub mod octant;
+pub mod oriented_box;
 pub mod parser;
 pub mod prompt;
 pub mod reasoner;
+pub mod refer_set;
 pub mod relations;
 pub mod render;
 pub mod reply;
 pub mod scene;
 pub mod scripted;
 pub mod search;
+pub mod sides;
+mod singling;
 pub mod situation;
 pub mod symbolic;
 pub mod tiers;
 pub mod tokens;
 pub mod tools;
+mod unicode_marks;
 pub mod vocabulary;
 pub mod vocabulary_tables;
 
 pub use action::{Action, Target};
 pub use actor_critic::{Attempt, DecisionRecord, decide_with_critic};
+pub use bpe::{BytePairs, TokenizerError};
 pub use candidates::{Candidates, candidates};
 pub use critic::{Critic, Critique, CritiqueCode};
-pub use flat::{flat_json, flat_text, flat_text_in_body};
+pub use flat::{caption_free, flat_json, flat_text, flat_text_in_body};
 pub use grounding::{GroundingConfig, ground};
 pub use instruction::{Instruction, Referring, Step, StepKind};
 pub use messages::{reply_schema, system_text, user_text};

@@ -6,6 +6,7 @@ use crate::instruction::{
 use crate::lexicon::Mark;
 use crate::noun_phrase::{adjective, room_follows};
 use crate::parser::Parser;
+use crate::vocabulary::Class;
 
 impl Parser<'_> {
     /// Reads one modifier of `head`; false if the next tokens are none.
@@ -128,16 +129,34 @@ impl Parser<'_> {
                     head.attributes.push(Attribute { negated, ..attribute });
                     true
                 }
-                None if negated => self.repeat_last_relation(head, depth),
+                None if negated => self.contrast(head, depth),
                 None => false,
             },
-            Some(Mark::Determiner) if negated => self.repeat_last_relation(head, depth),
+            Some(Mark::Determiner | Mark::One) if negated => self.contrast(head, depth),
             _ => false,
         };
         if !done {
             self.at = start;
         }
         done
+    }
+
+    /// "the brown door, not the white one": what is said of the other one does not hold for this one.
+    fn contrast(&mut self, head: &mut Referring, depth: usize) -> bool {
+        let before = self.at;
+        if let Some(other) = self.noun_phrase(depth + 1)
+            && (other.class.is_wildcard() || other.class.canonical == head.class.canonical)
+        {
+            let flipped = |negated: bool| !negated;
+            head.attributes
+                .extend(other.attributes.into_iter().map(|each| Attribute { negated: flipped(each.negated), ..each }));
+            head.relations.extend(
+                other.relations.into_iter().map(|each| RelationClause { negated: flipped(each.negated), ..each }),
+            );
+            return true;
+        }
+        self.at = before;
+        self.repeat_last_relation(head, depth)
     }
 
     /// "on the windowsill, not the table": the relation before holds for the negated thing too.
@@ -154,6 +173,7 @@ impl Parser<'_> {
             return false;
         };
         if anchor.class.text.is_empty() {
+            head.superlatives.extend(anchor.superlatives.iter().copied()); // "in the far corner of the room"
             if let Some(floor) = anchor.floor {
                 head.floor = Some(floor);
             }
@@ -214,6 +234,8 @@ impl Parser<'_> {
             // "at the kitchen", "on the second floor", "by the kitchen"
             if let Some(floor) = first.floor {
                 head.floor = Some(floor);
+            } else if let Some(side) = side_of_room(relation).filter(|_| !negated && names_no_room(&first)) {
+                head.superlatives.push(side);
             } else if let Some(room) = first.room {
                 if negated {
                     head.excluded_rooms.push(room);
@@ -222,6 +244,10 @@ impl Parser<'_> {
                 }
             }
             return true;
+        }
+        let mut first = first;
+        if first.class.text == "one" && !(first.attributes.is_empty() && first.superlatives.is_empty()) {
+            first.class = head.class.clone(); // "the black chair next to the red one"
         }
         if first.class.is_wildcard() && first.relations.is_empty() {
             return true;
@@ -275,7 +301,10 @@ impl Parser<'_> {
                     SpatialRelation::On => SpatialRelation::Supporting,
                     SpatialRelation::Under => SpatialRelation::Above,
                     SpatialRelation::Above => SpatialRelation::Under,
-                    SpatialRelation::Near => SpatialRelation::Near,
+                    // Which side of the other thing the head is on, nobody says: it is near.
+                    SpatialRelation::InFrontOf | SpatialRelation::Behind => SpatialRelation::Near,
+                    SpatialRelation::LeftOf => SpatialRelation::RightOf,
+                    SpatialRelation::RightOf => SpatialRelation::LeftOf,
                     other => other,
                 };
                 self.at = (self.at + 2).min(self.tokens.len());
@@ -285,6 +314,17 @@ impl Parser<'_> {
                 self.at = (self.at + 2).min(self.tokens.len());
             }
             _ => {}
+        }
+        // "with nothing on it", "without anything on top"
+        let is_nothing = matches!(anchor.class.text.as_str(), "nothing" | "none");
+        let is_anything =
+            negated && matches!(anchor.class.text.as_str(), "anything" | "thing" | "something" | "object" | "item");
+        if is_nothing || is_anything {
+            let on_it = matches!(relation, SpatialRelation::Supporting | SpatialRelation::Containing);
+            let relation = if on_it { relation } else { SpatialRelation::Supporting };
+            anchor.class = Class::new("thing");
+            head.relations.push(RelationClause { relation, anchors: vec![anchor], negated: true });
+            return true;
         }
         if anchor.class.text.is_empty() || anchor.class.is_wildcard() {
             return true;
@@ -296,4 +336,21 @@ impl Parser<'_> {
         head.relations.push(RelationClause { relation, anchors: vec![anchor], negated });
         true
     }
+}
+
+/// "on the left side of the room" is on the left.
+fn side_of_room(relation: SpatialRelation) -> Option<Superlative> {
+    Some(match relation {
+        SpatialRelation::LeftOf => Superlative::Leftmost,
+        SpatialRelation::RightOf => Superlative::Rightmost,
+        SpatialRelation::Between => Superlative::Middle,
+        SpatialRelation::Behind => Superlative::Backmost,
+        SpatialRelation::InFrontOf => Superlative::Frontmost,
+        _ => return None,
+    })
+}
+
+/// "the room", neither by name nor by kind nor by what is in it.
+fn names_no_room(reference: &Referring) -> bool {
+    reference.room.as_ref().is_some_and(|room| room.name.is_empty() && room.kind.is_none() && room.contains.is_empty())
 }

@@ -5,6 +5,7 @@
 //! the object id ([`crate::Naming`]); the table belongs to one revision of the graph and one pose.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use dsg::{ObjectId, PlaceId, RoomId};
 
@@ -20,14 +21,43 @@ pub enum Named {
 }
 
 /// The names of one prompt.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+///
+/// A prompt is built far more often than a reply is read, so building only lists what was named; the first look-up sorts it.
+#[derive(Debug, Clone, Default)]
 pub struct NameTable {
     /// Revision of the graph the names were made for.
     pub revision: u64,
+    entries: Vec<(String, Named)>,
+    runs: Vec<Run>,
+    aliases: Vec<(String, Named)>,
+    index: OnceLock<Index>,
+}
+
+/// `prefix1`, `prefix2`, ...: what a count in a line stands for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Run {
+    prefix: String,
+    /// Ordinal of the first.
+    first: usize,
+    ids: Vec<ObjectId>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Index {
     by_name: BTreeMap<String, Named>,
     aliases: BTreeMap<String, Option<Named>>,
     by_target: BTreeMap<Named, String>,
 }
+
+impl PartialEq for NameTable {
+    fn eq(&self, other: &NameTable) -> bool {
+        let parts =
+            |table: &NameTable| (table.revision, table.entries.clone(), table.runs.clone(), table.aliases.clone());
+        parts(self) == parts(other)
+    }
+}
+
+impl Eq for NameTable {}
 
 impl NameTable {
     /// An empty table.
@@ -37,16 +67,45 @@ impl NameTable {
 
     /// Adds a name; of two equal names the first stays.
     pub fn insert(&mut self, name: String, named: Named) {
-        self.by_target.entry(named).or_insert_with(|| name.clone());
-        self.by_name.entry(name).or_insert(named);
+        self.index = OnceLock::new();
+        self.entries.push((name, named));
+    }
+
+    /// Adds `prefix` with the ordinals from `first` on for these objects.
+    pub fn insert_run(&mut self, prefix: String, first: usize, ids: Vec<ObjectId>) {
+        self.index = OnceLock::new();
+        self.runs.push(Run { prefix, first, ids });
     }
 
     /// Adds another name that a reply may use; one that stands for two different things stands for none.
     pub fn insert_alias(&mut self, alias: String, named: Named) {
-        let entry = self.aliases.entry(alias).or_insert(Some(named));
-        if *entry != Some(named) {
-            *entry = None;
-        }
+        self.index = OnceLock::new();
+        self.aliases.push((alias, named));
+    }
+
+    fn index(&self) -> &Index {
+        self.index.get_or_init(|| {
+            let mut index = Index::default();
+            let mut insert = |name: String, named: Named| {
+                index.by_target.entry(named).or_insert_with(|| name.clone());
+                index.by_name.entry(name).or_insert(named);
+            };
+            for (name, named) in &self.entries {
+                insert(name.clone(), *named);
+            }
+            for run in &self.runs {
+                for (position, id) in run.ids.iter().enumerate() {
+                    insert(format!("{}{}", run.prefix, run.first + position), Named::Object(*id));
+                }
+            }
+            for (alias, named) in &self.aliases {
+                let entry = index.aliases.entry(alias.clone()).or_insert(Some(*named));
+                if *entry != Some(*named) {
+                    *entry = None;
+                }
+            }
+            index
+        })
     }
 
     /// Looks a name up: as printed, else ignoring case and with spaces or `-` for `_`, else as an alias.
@@ -54,32 +113,33 @@ impl NameTable {
         if name.len() > 96 {
             return None;
         }
-        if let Some(named) = self.by_name.get(name) {
+        let index = self.index();
+        if let Some(named) = index.by_name.get(name) {
             return Some(*named);
         }
         let folded: String =
             name.trim().chars().map(|c| if c == ' ' || c == '-' { '_' } else { c.to_ascii_lowercase() }).collect();
-        self.by_name.get(&folded).copied().or_else(|| self.aliases.get(&folded).copied().flatten())
+        index.by_name.get(&folded).copied().or_else(|| index.aliases.get(&folded).copied().flatten())
     }
 
     /// The name of a target in this prompt.
     pub fn name_of(&self, named: Named) -> Option<&str> {
-        self.by_target.get(&named).map(String::as_str)
+        self.index().by_target.get(&named).map(String::as_str)
     }
 
     /// All names with their meaning, sorted by name: what an `enum` in a reply schema may hold.
     pub fn iter(&self) -> impl Iterator<Item = (&str, Named)> {
-        self.by_name.iter().map(|(name, named)| (name.as_str(), *named))
+        self.index().by_name.iter().map(|(name, named)| (name.as_str(), *named))
     }
 
     /// Number of names.
     pub fn len(&self) -> usize {
-        self.by_name.len()
+        self.index().by_name.len()
     }
 
     /// True without names.
     pub fn is_empty(&self) -> bool {
-        self.by_name.is_empty()
+        self.entries.is_empty() && self.runs.iter().all(|run| run.ids.is_empty())
     }
 }
 

@@ -27,6 +27,7 @@ impl Parser<'_> {
                         );
                         let superlatives = if is_part { Vec::new() } else { std::mem::take(&mut out.superlatives) };
                         out = anchor;
+                        out.class.is_plural &= is_part;
                         out.superlatives.extend(superlatives);
                         has_noun = true;
                         break;
@@ -67,6 +68,14 @@ impl Parser<'_> {
                     let count = self.noun_words();
                     let words: Vec<&str> =
                         self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
+                    if self.mark_at(count) == Some(Mark::One) && !self.is_known(&singular_phrase(&words.join(" "))) {
+                        out.attributes.extend(words.iter().map(|word| any_adjective(word)));
+                        self.at += count;
+                        continue; // "the round one"
+                    }
+                    if self.adjectives(&words, &mut out) {
+                        continue; // "the white small door"
+                    }
                     self.noun(&words, &mut out);
                     self.at += count;
                     if let Some(anchor) = is_part(&out.class).then(|| self.part_of(depth)).flatten() {
@@ -89,6 +98,27 @@ impl Parser<'_> {
         }
         while self.modifier(&mut out, depth) {}
         Some(out)
+    }
+
+    /// Colours and materials before a further adjective: takes them and what joins them, if a noun can still follow.
+    fn adjectives(&mut self, words: &[&str], out: &mut Referring) -> bool {
+        let Some(found) = words.iter().map(|word| adjective(word)).collect::<Option<Vec<_>>>() else { return false };
+        let mut next = words.len();
+        while matches!(self.mark_at(next), Some(Mark::And | Mark::Comma)) {
+            next += 1;
+        }
+        let joined = next > words.len();
+        let goes_on = match self.mark_at(next) {
+            Some(Mark::Size(_) | Mark::One) => true,
+            Some(Mark::Superlative(_) | Mark::Ordinal(_)) => !joined,
+            Some(Mark::Word) => joined && adjective(&self.tokens[self.at + next].text).is_some(),
+            _ => false,
+        };
+        if goes_on {
+            out.attributes.extend(found);
+            self.at += next;
+        }
+        goes_on
     }
 
     /// How many tokens from here form the words of a noun: marked words count when they continue a known phrase.
@@ -154,7 +184,7 @@ impl Parser<'_> {
         }
         let whole = singular_phrase(&words.join(" "));
         if self.is_known(&whole) {
-            out.class = Class::new(&whole);
+            out.class = Class::new(&words.join(" "));
             return;
         }
         // The longest known ending is the class ("dirty coffee mug"); the words before it describe it.
@@ -165,17 +195,29 @@ impl Parser<'_> {
                     out.room = Some(room); // "the kitchen table"
                 } else {
                     for word in &words[..from] {
-                        out.attributes.push(adjective(word).unwrap_or_else(|| Attribute {
-                            kind: AttributeKind::Other,
-                            word: (*word).to_string(),
-                            negated: false,
-                        }));
+                        out.attributes.push(any_adjective(word));
                     }
                 }
                 out.class = Class::new(&words[from..].join(" "));
             }
-            None => out.class = Class::new(&words.join(" ")),
+            None => out.class = self.class_within(words),
         }
+    }
+
+    /// The class in words of which no ending is known. Where all classes of the scene are known, the last of them that occurs; the
+    /// words after it are no part of its name ("the monitor skewed").
+    fn class_within(&self, words: &[&str]) -> Class {
+        if !self.known.is_empty() {
+            for end in (1..words.len()).rev() {
+                for start in 0..end {
+                    let phrase = singular_phrase(&words[start..end].join(" "));
+                    if self.is_known(&phrase) {
+                        return Class::new(&words[start..end].join(" "));
+                    }
+                }
+            }
+        }
+        Class::new(&words.join(" "))
     }
 }
 
@@ -189,6 +231,12 @@ pub(crate) fn adjective(word: &str) -> Option<Attribute> {
         return None;
     };
     Some(Attribute { kind: kind_and_word.0, word: kind_and_word.1, negated: false })
+}
+
+/// The same, any other word as it is.
+fn any_adjective(word: &str) -> Attribute {
+    let other = || Attribute { kind: AttributeKind::Other, word: word.to_string(), negated: false };
+    adjective(word).unwrap_or_else(other)
 }
 
 /// `kitchen`, `room 3`, `conference room`, or just `room`.
@@ -255,6 +303,13 @@ fn is_part(class: &Class) -> bool {
         "type",
         "direction",
         "length",
+        "roll",
+        "portion",
+        "section",
+        "middle",
+        "center",
+        "top",
+        "bottom",
     ];
     PARTS.contains(&class.head())
 }

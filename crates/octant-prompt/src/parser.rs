@@ -131,6 +131,9 @@ impl<'a> Parser<'a> {
     /// The head noun phrase with everything the clause says about it.
     fn expression(&mut self) -> Option<Referring> {
         let mut head: Option<Referring> = None;
+        // "On the desk with a lamp, choose the book on the right": what stands before the head.
+        let mut fronted = Referring::default();
+        self.existential(&mut head);
         while self.at < self.tokens.len() {
             let before = self.at;
             match self.tokens[self.at].mark {
@@ -144,14 +147,37 @@ impl<'a> Parser<'a> {
                             self.view_clause(ViewKind::Facing, 0)
                         }
                         Some(Mark::Enter) => self.view_clause(ViewKind::From, 0),
+                        // "if the plant is at the bottom, it is the left one": the condition is no part of the answer.
+                        Some(Mark::Determiner) if head.is_none() && self.comma_follows() => {
+                            self.skip(|mark| mark != Mark::Comma)
+                        }
                         _ => {}
                     }
+                }
+                Mark::Verb if head.is_some() => {
+                    self.at += 1;
+                    self.selection(&mut head);
+                }
+                Mark::Relation(relation) if head.is_none() && relation != SpatialRelation::Closest => {
+                    self.modifier(&mut fronted, 1);
+                }
+                Mark::In if head.is_none() => {
+                    self.modifier(&mut fronted, 1);
                 }
                 Mark::Verb | Mark::Enter | Mark::Comma | Mark::Stop | Mark::Then | Mark::Pronoun | Mark::Copula => {
                     self.at += 1
                 }
                 _ => match &mut head {
-                    None => head = self.noun_phrase(0),
+                    None => {
+                        let before = self.last_class.clone();
+                        head = self.noun_phrase(0);
+                        if let (Some(head), Some(before)) = (&mut head, before)
+                            && head.class.text == "one"
+                        {
+                            head.class = before; // "facing the sinks, it's the one on the right"
+                            head.class.is_plural = false;
+                        }
+                    }
                     Some(head) => {
                         if !self.modifier(head, 0) {
                             self.continuation(head);
@@ -163,18 +189,76 @@ impl<'a> Parser<'a> {
                 self.at += 1; // nothing knows this token
             }
         }
-        let mut head = head?;
-        if head.class.text == "one" {
-            // "facing the sinks, it's the one on the right"
-            if let Some(class) = &self.last_class {
-                head.class = class.clone();
-            }
-        }
+        let mut head = match head {
+            Some(head) => head,
+            // "farthest from the sofa": of whatever was spoken of, or of all things.
+            None if fronted.relations.is_empty() && self.view.is_none() => return None,
+            None => Referring {
+                class: self.last_class.clone().unwrap_or_else(|| Class::new("one")),
+                ..Referring::default()
+            },
+        };
+        head.relations.extend(fronted.relations);
+        head.superlatives.extend(fronted.superlatives);
+        head.room = head.room.take().or(fronted.room);
         if let Some(view) = self.view.take() {
             head.view = Some(Box::new(view));
         }
         hoist_room(&mut head);
         Some(head)
+    }
+
+    /// "There are some plants next to this cabinet.": the cabinet is meant, and the plants are near it.
+    fn existential(&mut self, head: &mut Option<Referring>) {
+        if self.tokens.first().is_none_or(|token| token.text != "there") {
+            return;
+        }
+        let this = |token: &Token| matches!(token.text.as_str(), "this" | "these");
+        let Some(at) = self.tokens.iter().position(this).filter(|at| *at > 1) else { return };
+        let mut before = Parser::new(&self.tokens[..at], self.known);
+        let there = before.noun_phrase(0).filter(|there| !there.class.text.is_empty() && !there.class.is_wildcard());
+        self.at = at;
+        *head = self.noun_phrase(0).filter(|head| !head.class.text.is_empty());
+        if let (Some(head), Some(mut there)) = (head, there) {
+            there.relations.clear();
+            let negated = self.tokens[..at].iter().any(|token| matches!(token.mark, Mark::Without | Mark::Not));
+            head.relations.push(RelationClause { relation: SpatialRelation::Near, anchors: vec![there], negated });
+        }
+    }
+
+    fn comma_follows(&self) -> bool {
+        let rest = &self.tokens[self.at..];
+        rest.iter().position(|token| token.mark == Mark::Comma).is_some_and(|comma| comma + 1 < rest.len())
+    }
+
+    /// "There are two lamps on the desk. Choose the left one.": what is to be chosen is the head, what was said before is about it.
+    fn selection(&mut self, head: &mut Option<Referring>) {
+        self.skip(|mark| matches!(mark, Mark::Pronoun | Mark::Copula));
+        let before = self.at;
+        let Some(mut chosen) = self.noun_phrase(0).filter(|chosen| !chosen.class.text.is_empty()) else {
+            self.at = before;
+            return;
+        };
+        let Some(mut earlier) = head.take() else { return };
+        chosen.room = chosen.room.take().or(earlier.room.take());
+        chosen.floor = chosen.floor.or(earlier.floor);
+        if earlier.class.text.is_empty() {
+            // Only a room was named before.
+        } else if chosen.class.is_wildcard() || chosen.class.canonical == earlier.class.canonical {
+            if chosen.class.is_wildcard() {
+                chosen.class = earlier.class;
+            }
+            chosen.attributes.extend(earlier.attributes);
+            chosen.relations.extend(earlier.relations);
+            chosen.superlatives.extend(earlier.superlatives);
+        } else if !earlier.class.is_wildcard() {
+            chosen.relations.push(RelationClause {
+                relation: SpatialRelation::Near,
+                anchors: vec![earlier],
+                negated: false,
+            });
+        }
+        *head = Some(chosen);
     }
 
     /// After the head: "... is the one at the desk", "... the chair near it": a repeated noun phrase whose modifiers are about the head.
@@ -208,8 +292,26 @@ impl<'a> Parser<'a> {
         {
             return; // "standing in the middle of the room facing ..."
         }
-        if let Some(anchor) = self.noun_phrase(depth + 1) {
-            self.view.get_or_insert(View { kind, anchor });
+        let mut anchor = self.noun_phrase(depth + 1);
+        if kind == ViewKind::From
+            && anchor.as_ref().is_some_and(|anchor| anchor.class.text.is_empty())
+            && self.mark() == Some(Mark::From)
+        {
+            self.at += 1; // "enter the room through the double doors"
+            anchor = self.noun_phrase(depth + 1);
+        }
+        if let Some(anchor) = anchor {
+            // "standing in the room facing the cups": whom one faces says more than where one stands.
+            let view = View { kind, anchor };
+            match &mut self.view {
+                Some(known) if known.kind != ViewKind::From || kind == ViewKind::From => {}
+                known => *known = Some(view),
+            }
+            // "facing the window from the door"
+            while self.mark() == Some(Mark::From) {
+                self.at += 1;
+                let _ = self.noun_phrase(depth + 1);
+            }
         } else if kind == ViewKind::From {
             self.view
                 .get_or_insert(View { kind, anchor: Referring { class: Class::new("door"), ..Referring::default() } });

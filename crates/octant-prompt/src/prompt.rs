@@ -2,7 +2,9 @@
 //!
 //! Three tiers. Focal (own room, within 3 m): each object with its octant and distance, the few of the asked class with caption.
 //! Peripheral (own room, beyond): each object with octant, group and distance. Global: a line per room with class counts, the names
-//! being implied ([`crate::names`]). Then frontiers and the instruction. [`crate::budget`] drops detail, the farthest first.
+//! being implied ([`crate::names`]); in large buildings, a line per direction and tripling distance with class counts and the
+//! nearest room that holds the asked class, so that the text grows with the logarithm of the building. Then frontiers and the
+//! instruction. [`crate::budget`] drops detail, the farthest first.
 
 use dsg::{PlaceId, SceneGraph};
 use nalgebra::{Isometry3, Point3};
@@ -143,7 +145,16 @@ fn build(
     config: &PromptConfig,
     counter: &dyn TokenCounter,
 ) -> Prompt {
-    let view = View { graph, world_from_body, frontiers, unseen, path_length, nouns: &instruction.nouns(), config };
+    let view = View {
+        graph,
+        world_from_body,
+        frontiers,
+        unseen,
+        path_length,
+        nouns: &instruction.nouns(),
+        rooms: &instruction.rooms(),
+        config,
+    };
     let tiers = tiers(&view); // Eq. 8-9 and the three tiers
     let revision = graph.revision();
     let (text, tokens, names) = fit(&tiers, &instruction.text, revision, config, counter); // the budget

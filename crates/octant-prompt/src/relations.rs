@@ -8,6 +8,7 @@ use dsg::Aabb;
 use nalgebra::{Point3, Vector2};
 
 use crate::instruction::SpatialRelation;
+use crate::oriented_box::OrientedBox;
 
 /// Gap at which "near" is worth 0.5, metres.
 const NEAR_HALF_M: f64 = 1.2;
@@ -38,6 +39,8 @@ pub struct Shape<'a> {
     pub bounds: &'a Aabb,
     /// A point on its front face, if it has a front and that is known.
     pub front: Option<Point3<f64>>,
+    /// Its box along its own axes, if that is known.
+    pub oriented: Option<&'a OrientedBox>,
     /// Things are kept inside it (shelf, sink).
     pub is_container: bool,
 }
@@ -57,6 +60,7 @@ pub fn relation_score(relation: SpatialRelation, subject: &Shape, anchor: &Shape
         SpatialRelation::Containing => inside(b, a).max(if subject.is_container { on(b, a, true) } else { 0.0 }),
         SpatialRelation::With => on(b, a, subject.is_container).max(inside(b, a)).max(0.9 * near(a, b)),
         SpatialRelation::Opposite => 1.0 / (1.0 + (nearness_key_m(a, b) / 3.0).powi(3)),
+        SpatialRelation::AtEnd => near(a, b) * (0.4 + 0.6 * at_end(a, b)),
         SpatialRelation::Between => near(a, b),
         SpatialRelation::LeftOf | SpatialRelation::RightOf | SpatialRelation::InFrontOf | SpatialRelation::Behind => {
             lateral(relation, a, anchor, viewer)
@@ -72,6 +76,18 @@ pub fn nearness_key_m(a: &Aabb, b: &Aabb) -> f64 {
 
 fn near(a: &Aabb, b: &Aabb) -> f64 {
     1.0 / (1.0 + (nearness_key_m(a, b) / NEAR_HALF_M).powi(3))
+}
+
+/// 1 beyond a short side of `b`, 0 beyond a long one; 1 for a square.
+fn at_end(a: &Aabb, b: &Aabb) -> f64 {
+    let half = b.sides_m().xy() / 2.0;
+    let offset = (a.center() - b.center()).xy().abs();
+    let (over_x_m, over_y_m) = (offset.x - half.x, offset.y - half.y);
+    let (over_end_m, over_side_m) = if half.x >= half.y { (over_x_m, over_y_m) } else { (over_y_m, over_x_m) };
+    if half.x.max(half.y) < 1.2 * half.x.min(half.y) {
+        return 1.0;
+    }
+    1.0 / (1.0 + (-6.0 * (over_end_m - over_side_m)).exp())
 }
 
 fn on(a: &Aabb, b: &Aabb, container: bool) -> f64 {
@@ -136,9 +152,7 @@ fn lateral(relation: SpatialRelation, a: &Aabb, anchor: &Shape, viewer: &Viewer)
     };
     let forward = match (viewer.forward, anchor.front) {
         // An anchor with a front and nobody's view in the text: the viewer looks at the front (Sr3D's allocentric relations).
-        (None, Some(front)) => {
-            (b.center() - front).xy().try_normalize(1e-6).unwrap_or_else(|| viewer.forward_to(&b.center()))
-        }
+        (None, Some(front)) => facing_front(anchor, &front).unwrap_or_else(|| viewer.forward_to(&b.center())),
         _ => viewer.forward_to(&b.center()),
     };
     let left = Vector2::new(-forward.y, forward.x);
@@ -149,6 +163,12 @@ fn lateral(relation: SpatialRelation, a: &Aabb, anchor: &Shape, viewer: &Viewer)
         _ => direction.dot(&forward),
     };
     cosine.max(0.0) * (-0.35 * a.horizontal_gap_m(b)).exp()
+}
+
+/// Plan direction of somebody who looks at the front of a thing.
+pub fn facing_front(thing: &Shape, front: &Point3<f64>) -> Option<Vector2<f64>> {
+    let center = thing.oriented.map_or_else(|| thing.bounds.center(), |oriented| oriented.center);
+    (center - front).xy().try_normalize(1e-6)
 }
 
 /// Score of "`subject` is between `a` and `b`" in plan: on the way from one to the other, not beside it or beyond the ends.
@@ -178,7 +198,7 @@ mod tests {
 
     fn score(relation: SpatialRelation, a: &Aabb, b: &Aabb) -> f64 {
         let viewer = Viewer { position: Point3::new(-5.0, 0.0, 0.0), forward: None };
-        let shape = |bounds| Shape { bounds, front: None, is_container: false };
+        let shape = |bounds| Shape { bounds, front: None, oriented: None, is_container: false };
         relation_score(relation, &shape(a), &shape(b), &viewer)
     }
 

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
+use dsg::RoomId;
+
 use crate::names::{NameTable, Named};
 use crate::octant::Octant;
-use crate::tiers::{Item, RoomItem, Tiers};
+use crate::tiers::{AreaItem, Item, RoomItem, Run, Tiers, room_name};
 
 /// How much is shown of each part. Everything not shown is counted, not forgotten.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,6 +19,10 @@ pub struct Detail {
     pub peripheral: Vec<usize>,
     /// Per room: 2 groups, counts and distances; 1 counts; 0 folded into one line.
     pub rooms: Vec<u8>,
+    /// Per area: 2 counts and the nearest room of each asked class; 1 only the latter; 0 folded into one line.
+    pub areas: Vec<u8>,
+    /// Whether the rest of a full room is counted by class.
+    pub crowd: bool,
     /// Places listed.
     pub places: usize,
     /// Bytes of the instruction.
@@ -29,6 +35,7 @@ pub fn render(tiers: &Tiers, instruction: &str, detail: &Detail, mut names: Opti
     header(&mut out, tiers, names.as_deref_mut());
     focal(&mut out, tiers, detail, names.as_deref_mut());
     peripheral(&mut out, tiers, detail, names.as_deref_mut());
+    crowd(&mut out, tiers, detail.crowd, names.as_deref_mut());
     rooms(&mut out, tiers, detail, names.as_deref_mut());
     places(&mut out, tiers, detail, names);
     out.push_str("Instruction: ");
@@ -53,7 +60,7 @@ fn header(out: &mut String, tiers: &Tiers, names: Option<&mut NameTable>) {
         }
         None => out.push_str("You are in no known room."),
     }
-    out.push_str(" Think: room, direction, group, object. Reply with one action: go_to_room(id) | turn_to(octant) | go_near(id) | explore(id) | stop(id).\n");
+    out.push_str(" Think: room, direction, group, object. Reply with one action: go_to_room(id), turn_to(octant), go_near(id), explore(id), stop(id).\n");
 }
 
 fn focal(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mut NameTable>) {
@@ -83,8 +90,9 @@ fn focal(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
             is_first = false;
             put(out, format_args!("{} {:.1}", item.name, item.distance_m));
             if captioned.contains(index) {
-                out.push(' ');
+                out.push_str(" \"");
                 one_line(out, &item.caption, tiers.max_caption_words);
+                out.push('"');
             }
             insert(&mut names, item);
         }
@@ -93,6 +101,40 @@ fn focal(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
         }
     }
     more(out, "more near", tiers.focal.len() - detail.focal.len());
+}
+
+/// The rest of a full room, by class.
+fn crowd(out: &mut String, tiers: &Tiers, is_counted: bool, names: Option<&mut NameTable>) {
+    if tiers.crowd.is_empty() {
+        return;
+    }
+    if !is_counted {
+        return more(out, "more here", tiers.crowd.iter().map(|run| run.ids.len()).sum());
+    }
+    out.push_str("Also in this room:");
+    for run in &tiers.crowd {
+        counted(out, &run.token, run.ids.len());
+    }
+    out.push('\n');
+    if let Some(names) = names {
+        name_runs(names, "", &tiers.crowd);
+    }
+}
+
+/// ` chair` or ` chairx7`.
+fn counted(out: &mut String, token: &str, count: usize) {
+    if count == 1 { put(out, format_args!(" {token}")) } else { put(out, format_args!(" {token}x{count}")) }
+}
+
+fn name_runs(names: &mut NameTable, prefix: &str, runs: &[Run]) {
+    for run in runs {
+        // Ordinals that follow one another are one entry; with stable names there may be gaps.
+        let follow = run.ids.chunk_by(|a, b| b.0 == a.0 + 1);
+        for chunk in follow {
+            let ids = chunk.iter().map(|(_, id)| *id).collect();
+            names.insert_run(format!("{prefix}{}", run.token), chunk[0].0, ids);
+        }
+    }
 }
 
 fn peripheral(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mut NameTable>) {
@@ -132,15 +174,20 @@ fn peripheral(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Optio
 }
 
 fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mut NameTable>) {
-    let shown = detail.rooms.iter().any(|level| *level > 0);
+    let is_bare = |room: &RoomItem| room.objects == 0 && room.label.is_none() && !room.is_asked;
+    let shown = tiers.rooms.iter().zip(&detail.rooms).any(|(room, level)| *level > 0 && !is_bare(room));
     if shown {
         out.push_str("Other rooms (ids: class1 is the nearest):\n");
     }
-    let (mut folded_rooms, mut folded_objects) = (0, 0);
+    let (mut folded_rooms, mut folded_objects, mut bare) = (0, 0, Vec::new());
     for (room, level) in tiers.rooms.iter().zip(&detail.rooms) {
         if *level == 0 {
-            folded_rooms += 1;
-            folded_objects += room.objects.len();
+            folded_rooms += usize::from(room.id.is_some());
+            folded_objects += room.objects;
+            continue;
+        }
+        if is_bare(room) {
+            bare.extend(room.id);
             continue;
         }
         room_line(out, room, *level > 1);
@@ -151,14 +198,76 @@ fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
                     names.insert_alias(label.replace(' ', "_"), Named::Room(id));
                 }
             }
-            for (name, id) in &room.objects {
-                names.insert(name.clone(), Named::Object(*id));
+            for group in &room.groups {
+                name_runs(names, &format!("{}.", room.name), &group.classes);
             }
         }
     }
-    if folded_rooms > 0 {
-        put(out, format_args!("Farther: {folded_rooms} rooms, {folded_objects} objects\n"));
+    bare_rooms(out, bare, names.as_deref_mut());
+    if detail.areas.iter().any(|level| *level > 0) {
+        out.push_str("Farther rooms, by direction:\n");
     }
+    for (area, level) in tiers.areas.iter().zip(&detail.areas) {
+        if *level == 0 {
+            folded_rooms += area.rooms;
+            folded_objects += area.objects;
+        } else {
+            area_line(out, area, *level > 1, names.as_deref_mut());
+        }
+    }
+    if folded_rooms + folded_objects > 0 {
+        put(out, format_args!("Not shown: {folded_rooms} rooms, {folded_objects} objects\n"));
+    }
+}
+
+/// `Empty: room1-3, room7`: rooms of which nothing more is known.
+fn bare_rooms(out: &mut String, mut rooms: Vec<RoomId>, names: Option<&mut NameTable>) {
+    if rooms.is_empty() {
+        return;
+    }
+    rooms.sort_unstable();
+    out.push_str("Empty:");
+    for (position, chunk) in rooms.chunk_by(|a, b| b.0 == a.0 + 1).enumerate() {
+        let (first, last) = (chunk[0].0, chunk[chunk.len() - 1].0);
+        out.push_str(if position > 0 { ", " } else { " " });
+        put(out, format_args!("{}", room_name(Some(chunk[0]))));
+        if last > first {
+            put(out, format_args!("-{last}"));
+        }
+    }
+    out.push('\n');
+    if let Some(names) = names {
+        rooms.into_iter().for_each(|id| names.insert(room_name(Some(id)), Named::Room(id)));
+    }
+}
+
+fn area_line(out: &mut String, area: &AreaItem, in_full: bool, mut names: Option<&mut NameTable>) {
+    put(out, format_args!("{} ", area.side));
+    span(out, area.nearest_m, area.farthest_m);
+    put(out, format_args!(", {} rooms:", area.rooms));
+    if area.objects == 0 {
+        out.push_str(" empty");
+    } else if in_full {
+        for (token, count) in &area.counts {
+            counted(out, token, *count);
+        }
+    } else {
+        put(out, format_args!(" {} objects", area.objects));
+    }
+    for (token, room, distance_m) in &area.asked {
+        let name = room_name(Some(*room));
+        put(out, format_args!("; {token} in {name} {distance_m:.0}m"));
+        if let Some(names) = names.as_deref_mut() {
+            names.insert(name, Named::Room(*room));
+        }
+    }
+    out.push('\n');
+}
+
+/// `5m` or `5-7m`.
+fn span(out: &mut String, low_m: f64, high_m: f64) {
+    let (low, high) = (low_m.round(), high_m.round());
+    if low == high { put(out, format_args!("{low}m")) } else { put(out, format_args!("{low}-{high}m")) }
 }
 
 fn room_line(out: &mut String, room: &RoomItem, in_full: bool) {
@@ -177,20 +286,12 @@ fn room_line(out: &mut String, room: &RoomItem, in_full: bool) {
         if in_full {
             put(out, format_args!(" {}", group.group));
         }
-        for (token, count) in &group.counts {
-            if *count == 1 {
-                put(out, format_args!(" {token}"));
-            } else {
-                put(out, format_args!(" {token}x{count}"));
-            }
+        for run in &group.classes {
+            counted(out, &run.token, run.ids.len());
         }
         if in_full {
-            let (low, high) = (group.nearest_m.round(), group.farthest_m.round());
-            if low == high {
-                put(out, format_args!(" {low}m"));
-            } else {
-                put(out, format_args!(" {low}-{high}m"));
-            }
+            out.push(' ');
+            span(out, group.nearest_m, group.farthest_m);
         }
     }
     out.push('\n');
@@ -239,7 +340,13 @@ fn one_line(out: &mut String, text: &str, words: usize) {
             out.push(' ');
         }
         is_first = false;
-        out.extend(word.chars().map(|c| if c == ';' && !is_instruction { ',' } else { c }));
+        // A caption is data between quotes: what would end it or its entry is replaced.
+        let harmless = |c: char| match c {
+            ';' => ',',
+            '"' => '\'',
+            c => c,
+        };
+        out.extend(word.chars().map(|c| if is_instruction { c } else { harmless(c) }));
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use dsg::{Aabb, ObjectId, RoomId, SceneGraph};
 use nalgebra::Point3;
 
+use crate::oriented_box::OrientedBox;
 use crate::vocabulary::{Class, kind_probabilities, normalise};
 
 /// One thing of the scene.
@@ -26,6 +27,8 @@ pub struct Thing {
     pub room: Option<usize>,
     /// A point on its front face, if known.
     pub front: Option<Point3<f64>>,
+    /// Its box along its own axes, if known.
+    pub oriented: Option<OrientedBox>,
     /// How far the observation is trusted, in (0, 1].
     pub trust: f64,
 }
@@ -94,6 +97,7 @@ impl Scene {
                 color_name: object.attributes.get("color").map(|name| normalise(name)),
                 room,
                 front: None,
+                oriented: None,
                 trust: trust(object),
             });
         }

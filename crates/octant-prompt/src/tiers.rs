@@ -1,10 +1,10 @@
 //! Sorting a graph into the three tiers of the prompt, with names, octants and distances: the whole geometry of a prompt.
 
-use std::collections::HashMap;
-
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point3};
+use rustc_hash::FxHashMap;
 
+use crate::instruction::RoomReference;
 use crate::names::class_token;
 use crate::octant::{Bearing, Octant, octant_of, point_in_body};
 use crate::prompt::{Naming, PromptConfig};
@@ -25,6 +25,8 @@ pub struct View<'a> {
     pub path_length: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
     /// Classes the instruction mentions.
     pub nouns: &'a [String],
+    /// Rooms the instruction names.
+    pub rooms: &'a [RoomReference],
     /// Radii, naming.
     pub config: &'a PromptConfig,
 }
@@ -40,8 +42,12 @@ pub struct Tiers {
     pub focal: Vec<Item>,
     /// Own room beyond, nearest first.
     pub peripheral: Vec<Item>,
-    /// Other rooms, nearest first.
+    /// Own room, what is too much to be listed one by one: class words sorted, each with its objects.
+    pub crowd: Vec<Run>,
+    /// The nearest of the other rooms and those the instruction names, nearest first.
     pub rooms: Vec<RoomItem>,
+    /// All rooms beyond, by direction and tripling distance, the nearest first.
+    pub areas: Vec<AreaItem>,
     /// Frontiers and places to look from, nearest first, spread out.
     pub places: Vec<PlaceItem>,
     /// Words of a caption.
@@ -67,6 +73,15 @@ pub struct Item {
     pub caption: String,
 }
 
+/// Objects of one class in one room, in the order of their ordinals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Class word.
+    pub token: String,
+    /// Ordinal and object.
+    pub ids: Vec<(usize, ObjectId)>,
+}
+
 /// One other room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoomItem {
@@ -80,12 +95,12 @@ pub struct RoomItem {
     pub bearing: Bearing,
     /// Distance of its centre.
     pub distance_m: f64,
-    /// Whether it holds a class the instruction mentions.
+    /// Whether it holds a class the instruction mentions, or is named by it.
     pub is_asked: bool,
     /// Its objects by group (sorted by name) and class.
     pub groups: Vec<GroupItem>,
-    /// Names of all its objects.
-    pub objects: Vec<(String, ObjectId)>,
+    /// Number of its objects.
+    pub objects: usize,
 }
 
 /// A functional group in another room.
@@ -93,12 +108,31 @@ pub struct RoomItem {
 pub struct GroupItem {
     /// Its word.
     pub group: &'static str,
-    /// Class words with counts, sorted.
-    pub counts: Vec<(String, usize)>,
+    /// Its classes, sorted by word.
+    pub classes: Vec<Run>,
     /// Distance of its nearest object.
     pub nearest_m: f64,
     /// Distance of its farthest object.
     pub farthest_m: f64,
+}
+
+/// Rooms in one direction (a quarter of the plane) whose distances are alike (within a factor of three).
+#[derive(Debug, Clone, PartialEq)]
+pub struct AreaItem {
+    /// `front`, `left`, `back` or `right`.
+    pub side: &'static str,
+    /// Distance of its nearest room's centre.
+    pub nearest_m: f64,
+    /// Distance of its farthest room's centre.
+    pub farthest_m: f64,
+    /// Number of its rooms.
+    pub rooms: usize,
+    /// Number of their objects.
+    pub objects: usize,
+    /// Class words with counts, sorted.
+    pub counts: Vec<(String, usize)>,
+    /// For each class the instruction mentions: its word, and the nearest room of the area that holds one, with its distance.
+    pub asked: Vec<(String, RoomId, f64)>,
 }
 
 /// A place to explore.
@@ -114,80 +148,114 @@ pub struct PlaceItem {
     pub distance_m: f64,
 }
 
+/// Most things of the own room that are listed one by one; of more than that, the nearest [`NEAREST_LISTED`].
+const MAX_LISTED: usize = 32;
+/// Things listed where the own room holds too many.
+const NEAREST_LISTED: usize = 12;
+/// Most other rooms with a line each; of more than that, the nearest [`NEAREST_LINES`].
+const MAX_LINES: usize = 8;
+/// Rooms with a line where there are too many.
+const NEAREST_LINES: usize = 6;
+/// Rooms named in the instruction that get a line wherever they are.
+const MAX_NAMED: usize = 4;
+/// Where the first ring of areas ends, metres.
+const RING_M: f64 = 20.0;
+/// Each further ring ends this many times as far.
+const RING_GROWTH: f64 = 3.0;
+/// Rings are not counted beyond this.
+const MAX_RING: i32 = 20;
+
 struct ClassFacts {
     token: String,
     group: &'static str,
     is_asked: bool,
 }
 
-struct Row<'a> {
-    object: &'a dsg::Object,
+#[derive(Clone, Copy)]
+struct Row {
+    id: ObjectId,
     class: usize,
     in_body: Point3<f64>,
     distance_m: f64,
 }
 
-/// Sorts. Cost: O(n log n) in objects, linear in rooms and places.
+/// Where the objects of a room are described.
+#[derive(Clone, Copy)]
+enum Part {
+    Here,
+    Line(usize),
+    Area(usize),
+}
+
+/// Another room, before its objects are known.
+struct Other<'a> {
+    id: Option<RoomId>,
+    room: Option<&'a dsg::Room>,
+    in_body: Point3<f64>,
+    distance_m: f64,
+    is_named: bool,
+}
+
+/// Sorts. Cost: linear in objects and places, O(n log n) in rooms and in the objects of the own room and of the rooms with a line.
 pub fn tiers(view: &View) -> Tiers {
     let position = Point3::from(view.world_from_body.translation.vector);
     let here = room_of(view.graph, &position);
-    let (classes, mut rows) = rows(view);
-    let by_distance = |a: &Row, b: &Row| a.distance_m.total_cmp(&b.distance_m).then(a.object.id.cmp(&b.object.id));
-    if view.config.naming == Naming::Rank {
-        rows.sort_by(by_distance); // else by id, as the graph lists them: the order gives the ordinals
+    let others = others(view, here);
+    let is_lined = lined(&others);
+    let (mut parts, mut lines, mut areas) = (FxHashMap::default(), Vec::new(), Vec::<AreaItem>::new());
+    let mut area_of: FxHashMap<(i32, &str), usize> = FxHashMap::default();
+    for (other, is_lined) in others.iter().zip(is_lined) {
+        let part = if is_lined {
+            lines.push((other, Vec::new()));
+            Part::Line(lines.len() - 1)
+        } else {
+            Part::Area(area(other, &mut areas, &mut area_of))
+        };
+        parts.insert(other.id, (part, other.distance_m));
     }
-    let mut ordinals: HashMap<(Option<RoomId>, &str), usize> = HashMap::new();
-    let names: Vec<String> = rows
-        .iter()
-        .map(|row| {
-            let facts = &classes[row.class];
-            let ordinal = ordinals.entry((row.object.room, facts.token.as_str())).and_modify(|n| *n += 1).or_insert(1);
-            let mut name = if row.object.room == here { String::new() } else { room_name(row.object.room) + "." };
-            name.push_str(&facts.token);
-            name.push_str(&ordinal.to_string());
-            name
-        })
-        .collect();
+    // Where the robot is in no room, what no room holds is around it.
+    parts.insert(here, (Part::Here, 0.0));
 
-    let (mut focal, mut peripheral) = (Vec::new(), Vec::new());
-    let mut elsewhere: HashMap<Option<RoomId>, Vec<usize>> = HashMap::new();
-    for (index, row) in rows.iter().enumerate() {
-        if row.object.room != here {
-            elsewhere.entry(row.object.room).or_default().push(index);
+    // One pass over the objects.
+    let mut classes = Classes::new(view);
+    let mut own: Vec<Row> = Vec::new();
+    let mut own_captions: FxHashMap<ObjectId, &str> = FxHashMap::default();
+    let mut counts: Vec<Vec<u32>> = vec![Vec::new(); areas.len()];
+    let mut nearest_asked: FxHashMap<(usize, usize), (f64, RoomId)> = FxHashMap::default();
+    for object in view.graph.objects() {
+        let class = classes.of(&object.label);
+        let Some((part, room_m)) = parts.get(&object.room).or_else(|| parts.get(&None)) else { continue };
+        if let Part::Area(area) = *part {
+            let counts = &mut counts[area];
+            if counts.len() <= class {
+                counts.resize(class + 1, 0);
+            }
+            counts[class] += 1;
+            areas[area].objects += 1;
+            if let Some(room) = object.room.filter(|_| classes.facts[class].is_asked) {
+                let best = nearest_asked.entry((area, class)).or_insert((*room_m, room));
+                if (*room_m, room) < *best {
+                    *best = (*room_m, room);
+                }
+            }
             continue;
         }
-        let facts = &classes[row.class];
-        let item = Item {
-            id: row.object.id,
-            name: names[index].clone(),
-            group: facts.group,
-            octant: octant_of(&row.in_body, view.config.camera_height_m),
-            distance_m: row.distance_m,
-            is_asked: facts.is_asked,
-            caption: if facts.is_asked { row.object.caption.clone() } else { String::new() },
-        };
-        if row.distance_m <= view.config.focal_radius_m { focal.push(item) } else { peripheral.push(item) }
+        let in_body = point_in_body(view.world_from_body, &object.centroid);
+        let row = Row { id: object.id, class, in_body, distance_m: in_body.coords.norm() };
+        match *part {
+            Part::Line(line) => lines[line].1.push(row),
+            _ => {
+                if classes.facts[class].is_asked && !object.caption.is_empty() {
+                    own_captions.insert(object.id, &object.caption);
+                }
+                own.push(row);
+            }
+        }
     }
-    for items in [&mut focal, &mut peripheral] {
-        items.sort_by(|a: &Item, b: &Item| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
-    }
+    fill_areas(&mut areas, &counts, &nearest_asked, &classes);
 
-    let mut rooms: Vec<RoomItem> = Vec::new();
-    let others = view
-        .graph
-        .rooms()
-        .filter(|room| Some(room.id) != here)
-        .map(|room| (Some(room.id), room.center, own_name(&room.name)));
-    for (id, center, label) in others {
-        let members = elsewhere.remove(&id).unwrap_or_default();
-        rooms.push(room_item(view, id, label, &center, &members, &rows, &classes, &names));
-    }
-    if let Some(members) = elsewhere.remove(&None).filter(|_| here.is_some()) {
-        let center = rows[members[0]].object.centroid;
-        rooms.push(room_item(view, None, None, &center, &members, &rows, &classes, &names));
-    }
-    rooms.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
-
+    let (focal, peripheral, crowd) = own_room(view, own, &own_captions, &classes);
+    let rooms = lines.into_iter().map(|(other, rows)| room_item(view, other, rows, &classes)).collect();
     let own =
         here.and_then(|id| view.graph.room(id)).map(|room| (room.id, room_name(Some(room.id)), own_name(&room.name)));
     Tiers {
@@ -195,82 +263,220 @@ pub fn tiers(view: &View) -> Tiers {
         focal_radius_m: view.config.focal_radius_m,
         focal,
         peripheral,
+        crowd,
         rooms,
+        areas,
         places: places(view),
         max_caption_words: view.config.max_caption_words,
     }
 }
 
-fn rows<'a>(view: &View<'a>) -> (Vec<ClassFacts>, Vec<Row<'a>>) {
-    let asked: Vec<Class> = view.nouns.iter().map(|noun| Class::new(noun)).collect();
-    let mut index: HashMap<&str, usize> = HashMap::new();
-    let mut classes: Vec<ClassFacts> = Vec::new();
-    let rows = view
-        .graph
-        .objects()
-        .map(|object| {
-            let class = *index.entry(object.label.as_str()).or_insert_with(|| {
-                let class = Class::new(&object.label);
-                let is_asked = asked.iter().any(|noun| class_similarity(noun, &class) >= 0.5);
-                classes.push(ClassFacts {
-                    token: class_token(&object.label),
-                    group: functional_group(&class),
-                    is_asked,
-                });
-                classes.len() - 1
-            });
-            let in_body = point_in_body(view.world_from_body, &object.centroid);
-            Row { object, class, in_body, distance_m: in_body.coords.norm() }
-        })
-        .collect();
-    (classes, rows)
+/// All other rooms, nearest first; last, what no room holds, if there is any and the robot is in a room.
+fn others<'a>(view: &View<'a>, here: Option<RoomId>) -> Vec<Other<'a>> {
+    let of = |id, room: Option<&'a dsg::Room>, center: &Point3<f64>| {
+        let in_body = point_in_body(view.world_from_body, center);
+        let is_named = room.is_some_and(|room| view.rooms.iter().any(|asked| asked.is_answered_by(room)));
+        Other { id, room, in_body, distance_m: in_body.coords.norm(), is_named }
+    };
+    let rooms = view.graph.rooms().filter(|room| Some(room.id) != here);
+    let mut out: Vec<Other> = rooms.map(|room| of(Some(room.id), Some(room), &room.center)).collect();
+    out.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
+    let position = Point3::from(view.world_from_body.translation.vector);
+    let homeless = view.graph.objects().filter(|object| object.room.is_none());
+    let nearest = homeless
+        .map(|object| &object.centroid)
+        .min_by(|a, b| (*a - position).norm_squared().total_cmp(&(*b - position).norm_squared()));
+    if let (Some(centroid), true) = (nearest, here.is_some()) {
+        out.push(of(None, None, centroid));
+    }
+    out
 }
 
-#[allow(clippy::too_many_arguments)] // parts of one loop
-fn room_item(
-    view: &View,
-    id: Option<RoomId>,
-    label: Option<String>,
-    center: &Point3<f64>,
-    members: &[usize],
-    rows: &[Row],
-    classes: &[ClassFacts],
-    names: &[String],
-) -> RoomItem {
-    let in_body = point_in_body(view.world_from_body, center);
-    let mut groups: Vec<GroupItem> = Vec::new();
-    for &member in members {
-        let (facts, distance_m) = (&classes[rows[member].class], rows[member].distance_m);
-        let at = groups.iter().position(|group| group.group == facts.group).unwrap_or_else(|| {
-            groups.push(GroupItem {
-                group: facts.group,
-                counts: Vec::new(),
-                nearest_m: f64::INFINITY,
-                farthest_m: 0.0,
-            });
-            groups.len() - 1
+/// Which of the rooms get a line: the nearest, the named ones, and what no room holds.
+fn lined(others: &[Other]) -> Vec<bool> {
+    let mut named = 0;
+    let lines = if others.len() > MAX_LINES { NEAREST_LINES } else { MAX_LINES };
+    others
+        .iter()
+        .enumerate()
+        .map(|(index, other)| {
+            named += usize::from(other.is_named);
+            index < lines || other.id.is_none() || (other.is_named && named <= MAX_NAMED)
+        })
+        .collect()
+}
+
+/// The area of a room, made if it is the first in it. Rooms come nearest first, and so do areas.
+fn area(other: &Other, areas: &mut Vec<AreaItem>, known: &mut FxHashMap<(i32, &str), usize>) -> usize {
+    let ring = (other.distance_m / RING_M).log(RING_GROWTH).clamp(-1.0, f64::from(MAX_RING)).floor() as i32;
+    let (x, y) = (other.in_body.x, other.in_body.y);
+    let side = match (x.abs() >= y.abs(), x >= 0.0, y >= 0.0) {
+        (true, true, _) => "front",
+        (true, false, _) => "back",
+        (false, _, true) => "left",
+        (false, _, false) => "right",
+    };
+    let index = *known.entry((ring, side)).or_insert_with(|| {
+        areas.push(AreaItem {
+            side,
+            nearest_m: other.distance_m,
+            farthest_m: other.distance_m,
+            rooms: 0,
+            objects: 0,
+            counts: Vec::new(),
+            asked: Vec::new(),
         });
-        let group = &mut groups[at];
-        group.nearest_m = group.nearest_m.min(distance_m);
-        group.farthest_m = group.farthest_m.max(distance_m);
-        match group.counts.iter_mut().find(|(token, _)| *token == facts.token) {
-            Some((_, count)) => *count += 1,
-            None => group.counts.push((facts.token.clone(), 1)),
+        areas.len() - 1
+    });
+    areas[index].rooms += 1;
+    areas[index].farthest_m = other.distance_m;
+    index
+}
+
+fn fill_areas(
+    areas: &mut [AreaItem],
+    counts: &[Vec<u32>],
+    asked: &FxHashMap<(usize, usize), (f64, RoomId)>,
+    classes: &Classes,
+) {
+    for (index, area) in areas.iter_mut().enumerate() {
+        for (class, count) in counts[index].iter().enumerate().filter(|(_, count)| **count > 0) {
+            let token = &classes.facts[class].token;
+            match area.counts.iter_mut().find(|(known, _)| known == token) {
+                Some((_, sum)) => *sum += *count as usize,
+                None => area.counts.push((token.clone(), *count as usize)),
+            }
+            if let Some((distance_m, room)) = asked.get(&(index, class)) {
+                area.asked.push((token.clone(), *room, *distance_m));
+            }
+        }
+        area.counts.sort();
+        area.asked.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)).then(a.1.cmp(&b.1)));
+        area.asked.dedup_by(|later, first| later.0 == first.0);
+    }
+}
+
+/// What is known about the labels met so far.
+struct Classes<'a> {
+    facts: Vec<ClassFacts>,
+    index: FxHashMap<&'a str, usize>,
+    asked: Vec<Class>,
+}
+
+impl<'a> Classes<'a> {
+    fn new(view: &View) -> Classes<'a> {
+        let asked = view.nouns.iter().map(|noun| Class::new(noun)).collect();
+        Classes { facts: Vec::new(), index: FxHashMap::default(), asked }
+    }
+
+    fn of(&mut self, label: &'a str) -> usize {
+        let (facts, asked) = (&mut self.facts, &self.asked);
+        *self.index.entry(label).or_insert_with(|| {
+            let class = Class::new(label);
+            let is_asked = asked.iter().any(|noun| class_similarity(noun, &class) >= 0.5);
+            facts.push(ClassFacts { token: class_token(label), group: functional_group(&class), is_asked });
+            facts.len() - 1
+        })
+    }
+}
+
+/// Ordinals of the rows of one room within their class words: by distance, or by id. Sorts the rows accordingly.
+fn ordinals(view: &View, rows: &mut [Row], classes: &Classes) -> Vec<usize> {
+    match view.config.naming {
+        Naming::Rank => rows.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id))),
+        Naming::Stable => rows.sort_unstable_by_key(|row| row.id),
+    }
+    let mut seen: Vec<(&str, usize)> = Vec::new();
+    rows.iter()
+        .map(|row| {
+            let token = classes.facts[row.class].token.as_str();
+            match seen.iter_mut().find(|(known, _)| *known == token) {
+                Some((_, count)) => {
+                    *count += 1;
+                    *count
+                }
+                None => {
+                    seen.push((token, 1));
+                    1
+                }
+            }
+        })
+        .collect()
+}
+
+fn own_room(
+    view: &View,
+    mut rows: Vec<Row>,
+    captions: &FxHashMap<ObjectId, &str>,
+    classes: &Classes,
+) -> (Vec<Item>, Vec<Item>, Vec<Run>) {
+    let ordinals = ordinals(view, &mut rows, classes);
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by(|a, b| rows[*a].distance_m.total_cmp(&rows[*b].distance_m).then(rows[*a].id.cmp(&rows[*b].id)));
+    let listed = if rows.len() > MAX_LISTED { NEAREST_LISTED } else { rows.len() };
+    let (mut focal, mut peripheral) = (Vec::new(), Vec::new());
+    for &index in &order[..listed] {
+        let (row, facts) = (&rows[index], &classes.facts[rows[index].class]);
+        let item = Item {
+            id: row.id,
+            name: format!("{}{}", facts.token, ordinals[index]),
+            group: facts.group,
+            octant: octant_of(&row.in_body, view.config.camera_height_m),
+            distance_m: row.distance_m,
+            is_asked: facts.is_asked,
+            caption: captions.get(&row.id).map_or_else(String::new, |caption| (*caption).to_string()),
+        };
+        if row.distance_m <= view.config.focal_radius_m { focal.push(item) } else { peripheral.push(item) }
+    }
+    let mut rest: Vec<usize> = order[listed..].to_vec();
+    rest.sort_unstable();
+    let rest: Vec<(Row, usize)> = rest.into_iter().map(|index| (rows[index], ordinals[index])).collect();
+    (focal, peripheral, runs(&rest, classes))
+}
+
+/// Rows by class word, sorted by word.
+fn runs(rows: &[(Row, usize)], classes: &Classes) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (row, ordinal) in rows {
+        let token = &classes.facts[row.class].token;
+        match runs.iter_mut().find(|run| run.token == *token) {
+            Some(run) => run.ids.push((*ordinal, row.id)),
+            None => runs.push(Run { token: token.clone(), ids: vec![(*ordinal, row.id)] }),
         }
     }
-    for group in &mut groups {
-        group.counts.sort();
+    runs.sort_by(|a, b| a.token.cmp(&b.token));
+    runs
+}
+
+fn room_item(view: &View, other: &Other, mut rows: Vec<Row>, classes: &Classes) -> RoomItem {
+    let ordinals = ordinals(view, &mut rows, classes);
+    let mut groups: Vec<(&'static str, Vec<(Row, usize)>)> = Vec::new();
+    for (row, ordinal) in rows.iter().zip(ordinals) {
+        let group = classes.facts[row.class].group;
+        match groups.iter_mut().find(|(known, _)| *known == group) {
+            Some((_, members)) => members.push((*row, ordinal)),
+            None => groups.push((group, vec![(*row, ordinal)])),
+        }
     }
-    groups.sort_by_key(|group| group.group);
+    groups.sort_by_key(|(group, _)| *group);
+    let group_item = |(group, members): (&'static str, Vec<(Row, usize)>)| {
+        let distances = || members.iter().map(|(row, _)| row.distance_m);
+        GroupItem {
+            group,
+            nearest_m: distances().fold(f64::INFINITY, f64::min),
+            farthest_m: distances().fold(0.0, f64::max),
+            classes: runs(&members, classes),
+        }
+    };
     RoomItem {
-        id,
-        name: room_name(id),
-        label,
-        bearing: Bearing::of(&in_body),
-        distance_m: in_body.coords.norm(),
-        is_asked: members.iter().any(|member| classes[rows[*member].class].is_asked),
-        groups,
-        objects: members.iter().map(|member| (names[*member].clone(), rows[*member].object.id)).collect(),
+        id: other.id,
+        name: room_name(other.id),
+        label: other.room.and_then(|room| own_name(&room.name)),
+        bearing: Bearing::of(&other.in_body),
+        distance_m: other.distance_m,
+        is_asked: other.is_named || rows.iter().any(|row| classes.facts[row.class].is_asked),
+        objects: rows.len(),
+        groups: groups.into_iter().map(group_item).collect(),
     }
 }
 
@@ -302,7 +508,7 @@ fn places(view: &View) -> Vec<PlaceItem> {
     out
 }
 
-fn room_name(id: Option<RoomId>) -> String {
+pub(crate) fn room_name(id: Option<RoomId>) -> String {
     id.map_or_else(|| "outside".to_string(), |id| format!("room{}", id.0))
 }
 

@@ -274,6 +274,7 @@ impl Call<'_> {
         Shape {
             bounds: &thing.bounds,
             front: thing.front,
+            oriented: thing.oriented.as_ref(),
             is_container: thing
                 .classes
                 .first()

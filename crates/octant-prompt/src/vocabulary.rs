@@ -18,14 +18,18 @@ pub struct Class {
     pub text: String,
     /// The first word of the synonym group, for example `mug`; equal to `text` when no table knows it.
     pub canonical: String,
+    /// Whether it was written as a plural.
+    #[serde(default)]
+    pub is_plural: bool,
 }
 
 impl Class {
     /// Normalises `text`; empty text gives the empty class, which matches nothing.
     pub fn new(text: &str) -> Class {
-        let text = singular_phrase(&normalise(text));
+        let said = normalise(text);
+        let text = singular_phrase(&said);
         let canonical = canonical(&text).unwrap_or(&text).to_string();
-        Class { text, canonical }
+        Class { is_plural: said != text, text, canonical }
     }
 
     /// True for words that stand for any object ("thing", "object", "one", "item").
@@ -73,6 +77,27 @@ pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
         return 0.5;
     }
     0.0
+}
+
+/// Most that a thing counts which only stands in for a word.
+pub const STAND_IN: f64 = 0.3;
+
+/// How well `label` can stand in for `asked` where no thing answers to the word itself: 0.3 for what is found at the same spot
+/// (curtains for a window), up to 0.3 for shared words (`paper towel dispenser` for `paper dispenser`), else 0. Enough to look at as an
+/// anchor, never enough to stop at.
+pub fn stand_in(asked: &Class, label: &Class) -> f64 {
+    let of = |name: &str| TABLES.stand_ins.get(name);
+    let known = of(&asked.text).or_else(|| of(&asked.canonical)).or_else(|| of(asked.head()));
+    if known.is_some_and(|names| names.contains(label.text.as_str()) || names.contains(label.canonical.as_str())) {
+        return STAND_IN;
+    }
+    // A shared word counts by how much of the name it is, the last one most.
+    let asked_words = asked.text.split(' ').count() as f64;
+    let shared =
+        asked.text.split(' ').filter(|word| word.len() > 2 && label.text.split(' ').any(|other| other == *word));
+    let head = label.text.split(' ').next_back() == asked.text.split(' ').next_back();
+    let share = shared.count() as f64 / asked_words;
+    if share > 0.0 { 0.1 + 0.1 * share + if head { 0.1 } else { 0.0 } } else { 0.0 }
 }
 
 /// Whether a thing of class `label` answers to the noun of an instruction: the same word, a synonym, or a kind of it.
@@ -255,6 +280,8 @@ struct Tables {
     canonical: HashMap<&'static str, &'static str>,
     /// Numbers of the look-alike groups a class is in.
     look_alikes: HashMap<&'static str, Vec<usize>>,
+    /// Labels that stand in for a class.
+    stand_ins: HashMap<&'static str, HashSet<&'static str>>,
     group: HashMap<&'static str, &'static str>,
     large: HashSet<&'static str>,
     kinds: Vec<&'static str>,
@@ -282,6 +309,10 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
             look_alikes.entry(word).or_default().push(number);
         }
     }
+    let stand_ins = tables::STAND_INS
+        .lines()
+        .filter_map(|line| words(line).next().map(|first| (first, words(line).skip(1).collect())))
+        .collect();
     let mut group = HashMap::new();
     for (name, list) in tables::GROUPS.lines().filter_map(|line| line.split_once(':')) {
         for word in words(list) {
@@ -312,6 +343,7 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     Tables {
         canonical: first_of(tables::SYNONYMS),
         look_alikes,
+        stand_ins,
         group,
         large: words(tables::LARGE_OR_FIXED).collect(),
         kinds,
@@ -381,6 +413,6 @@ mod tests {
         for class in TABLES.affinities.keys().chain(TABLES.group.keys()).chain(TABLES.look_alikes.keys()) {
             assert_eq!(canonical(class).unwrap_or(class), *class, "tables other than the synonyms use canonical names");
         }
-        assert_eq!((TABLES.kinds.len(), TABLES.colors.len()), (17, 23));
+        assert_eq!((TABLES.kinds.len(), TABLES.colors.len()), (17, 26));
     }
 }

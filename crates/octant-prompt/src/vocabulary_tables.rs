@@ -78,7 +78,7 @@ printer
 photocopier, copier, copy machine, copying machine
 phone, telephone, smartphone, cell phone, mobile phone, cellphone, desk phone
 speaker, loudspeaker
-backpack, rucksack, knapsack
+backpack, rucksack, knapsack, back pack, book bag, bookbag
 suitcase, luggage, trolley case
 bag, handbag, purse
 box, cardboard box, carton, package
@@ -188,6 +188,74 @@ clock, alarm clock
 sideboard, tv stand, console table
 ";
 
+/// What stands where the first thing is: the next best thing to look at when no known object bears its name.
+pub const STAND_INS: &str = "\
+window, windowsill, window sill, blinds, blind, curtain, shade, shutter
+door, doorframe, door frame, doorway, entrance, front entrance, entry, exit, gate, closet door, shower door
+doorway, door, doorframe
+entrance, door, doorframe
+exit, door, doorframe
+sink, bathroom vanity, bathroom counter, faucet, counter, kitchen counter
+vanity, bathroom vanity, sink, bathroom counter
+shower, shower curtain, shower wall, shower door, shower head, bathtub, shower floor
+bathtub, shower curtain, shower
+stove, range hood, oven, stove hood
+oven, stove, range hood
+hood, range hood
+closet, closet door, closet wall, clothes, wardrobe, closet rod, closet floor
+wardrobe, closet, closet door, clothes
+bed, headboard, mattress, bunk bed, pillow, blanket
+headboard, bed
+foot, bed
+computer, computer tower, monitor, keyboard, laptop, desk
+monitor, computer, laptop, tv
+screen, monitor, projector screen, tv
+tv, tv stand, monitor, entertainment center
+television, tv stand
+desk, table, counter, monitor
+table, desk, counter, coffee table, dining table
+shelf, rack, bookshelf, cabinet, books
+bookshelf, shelf, book
+counter, kitchen counter, bathroom counter, bar, kitchen island, kitchen cabinet, cabinet, sink
+bar, counter, kitchen counter, kitchen island
+island, kitchen island, kitchen counter
+dresser, cabinet, drawer, nightstand
+drawer, dresser, cabinet, file cabinet
+cabinet, kitchen cabinet, wardrobe, counter
+stall, bathroom stall, bathroom stall door
+sofa, armchair, bench
+couch, sofa chair, armchair, seat
+armchair, sofa chair, sofa, chair, seat
+seat, chair, sofa, armchair, bench
+whiteboard, board, blackboard, bulletin board
+blackboard, whiteboard, board
+board, whiteboard, blackboard, bulletin board
+coffee machine, coffee maker, kitchen counter
+machine, copier, printer, vending machine, washing machine, coffee maker
+copier, printer
+printer, copier
+trash can, recycling bin, trash bin, container
+stairs, stair rail, rail, railing, banister
+lamp, light, nightstand
+light, lamp
+plant, potted plant, plants, flower
+picture, poster, board, decoration, mirror
+toilet, toilet paper, toilet seat cover dispenser
+fridge, mini fridge
+radiator, heater
+heater, radiator
+paper, paper bag, papers, folder, book
+towel, towel rack, rail, bar
+coat, jacket, clothes, coat rack, hat
+clothes, clothing, jacket, shirt
+shoe, shoes, slippers
+wall, bulletin board, column, pillar
+column, pillar
+pillar, column
+mirror, bathroom mirror, sink
+person, people
+";
+
 /// Functional groups and their classes.
 pub const GROUPS: &str = "\
 seating: chair, office chair, armchair, stool, bench, sofa, ottoman
@@ -276,6 +344,9 @@ golden 200 165 70
 gold 200 165 70
 maroon 110 35 40
 navy 35 45 95
+dark 45 42 40
+ivory 235 230 210
+lavender 180 160 200
 ";
 
 /// Materials; the first word is the canonical one.

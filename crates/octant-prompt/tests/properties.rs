@@ -133,11 +133,58 @@ mod prompts {
                     }
                 }
             }
+            // The rest of a full room: ordinals go on where the list ends.
+            for (class, count) in &decoded.crowd {
+                let names = || decoded.focal.keys().chain(decoded.peripheral.keys());
+                let listed = names().filter(|name| octant_prompt::names::split_ordinal(name).is_some_and(|(stem, _)| stem == class)).count();
+                seen.extend((listed + 1..=listed + count).map(|ordinal| object(&format!("{class}{ordinal}")).id));
+            }
+            prop_assert!(decoded.areas.is_empty());
             seen.sort();
             seen.dedup();
             // One class word may stand in two groups of a room when labels collide; else every object is recovered.
             let all: Vec<ObjectId> = graph.objects().map(|object| object.id).collect();
             prop_assert_eq!(seen, all, "\n{}", prompt.text);
+        }
+
+        #[test]
+        fn far_rooms_are_counted_by_direction_and_distance(rooms in 20usize..90, things in objects(90, 200), yaw in -3.2..3.2f64) {
+            let graph = graph(rooms, &[], &things);
+            let world_from_body = pose(2.5, 2.5, yaw);
+            let config = PromptConfig { budget_tokens: 100_000, ..PromptConfig::default() };
+            let prompt = build_prompt(&graph, &world_from_body, "find the mug", &config, &Estimate);
+            let decoded = decode(&prompt.text);
+            prop_assert_eq!((decoded.hidden_objects, decoded.hidden_rooms), (0, 0));
+            let lined = decoded.rooms.keys().filter(|name| *name != "outside").count();
+            prop_assert_eq!(lined + decoded.areas.iter().map(|area| area.rooms).sum::<usize>() + 1, rooms);
+            // Every room without a line lies in exactly one area, by its side and distance.
+            let far: Vec<&dsg::Room> = graph.rooms().filter(|room| room.id != RoomId(0) && !decoded.rooms.contains_key(&format!("room{}", room.id.0))).collect();
+            for area in &decoded.areas {
+                let (low, high) = area.span_m;
+                let members: Vec<&dsg::Room> = far.iter().copied().filter(|room| {
+                    let at = point_in_body(&world_from_body, &room.center);
+                    let side = if at.x.abs() >= at.y.abs() { if at.x >= 0.0 { "front" } else { "back" } } else if at.y >= 0.0 { "left" } else { "right" };
+                    side == area.side && (low..=high).contains(&at.coords.norm().round())
+                }).collect();
+                // Two areas of one side may share a whole metre at their border.
+                prop_assert!(members.len() >= area.rooms);
+                for (class, room, distance_m) in &area.first {
+                    let room = members.iter().find(|member| format!("room{}", member.id.0) == *room).expect("one of the area");
+                    prop_assert_eq!(point_in_body(&world_from_body, &room.center).coords.norm().round(), *distance_m);
+                    prop_assert_eq!(prompt.names.get(&format!("room{}", room.id.0)), Some(Named::Room(room.id)));
+                    prop_assert!(graph.objects().any(|object| object.room == Some(room.id) && class_token(&object.label) == *class));
+                }
+            }
+            let mut counted: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
+            for (class, count) in decoded.areas.iter().flat_map(|area| &area.counts) {
+                *counted.entry(class).or_default() += count;
+            }
+            let mut expected: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
+            for object in graph.objects().filter(|object| far.iter().any(|room| object.room == Some(room.id))) {
+                *expected.entry(class_token(&object.label)).or_default() += 1;
+            }
+            let counted: std::collections::BTreeMap<String, usize> = counted.into_iter().map(|(class, count)| (class.to_string(), count)).collect();
+            prop_assert_eq!(counted, expected, "\n{}", prompt.text);
         }
 
         #[test]

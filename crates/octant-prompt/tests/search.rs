@@ -299,3 +299,10 @@ fn a_guess_about_half_a_room_does_not_end_the_search() {
     assert_eq!(decide(next_door, false), Action::GoNear(ObjectId(1)));
     assert_eq!(decide(here, true), Action::GoNear(ObjectId(1)));
 }
+
+#[test]
+fn a_room_named_before_the_choice_is_kept() {
+    // Found by proptest: the choice lost what was said before it.
+    let step = &octant_prompt::parse_instruction("kitchen find one").steps[0];
+    assert!(step.goal.room.is_some());
+}

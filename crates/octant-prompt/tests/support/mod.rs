@@ -99,6 +99,18 @@ pub fn objects(rooms: usize, most: usize) -> impl Strategy<Value = Vec<Put>> {
 /// (group, class, count) of a room's line.
 pub type Groups = Vec<(String, String, usize)>;
 
+/// A line about many rooms.
+#[derive(Debug, Default, PartialEq)]
+pub struct DecodedArea {
+    pub side: String,
+    /// Nearest and farthest room, whole metres.
+    pub span_m: (f64, f64),
+    pub rooms: usize,
+    pub counts: Vec<(String, usize)>,
+    /// (class, room, whole metres)
+    pub first: Vec<(String, String, f64)>,
+}
+
 /// What a reader can tell from a prompt.
 #[derive(Debug, Default, PartialEq)]
 pub struct Decoded {
@@ -108,12 +120,17 @@ pub struct Decoded {
     pub peripheral: BTreeMap<String, (String, String, String)>,
     /// Other rooms: room -> (bearing, list of (group, class, count)).
     pub rooms: BTreeMap<String, (String, Groups)>,
+    /// Own room, the rest: (class, count).
+    pub crowd: Vec<(String, usize)>,
+    /// Farther rooms by direction.
+    pub areas: Vec<DecodedArea>,
     /// Objects and rooms that are only counted.
     pub hidden_objects: usize,
     pub hidden_rooms: usize,
 }
 
-/// Reads a prompt back, by the format alone. Captions must not hold `"; "` (they cannot: the writer replaces it).
+/// Reads a prompt back, by the format alone. Captions must not hold `"; "` or a quote (they cannot: the writer replaces
+/// them).
 pub fn decode(text: &str) -> Decoded {
     let mut out = Decoded::default();
     let mut section = "";
@@ -130,12 +147,24 @@ pub fn decode(text: &str) -> Decoded {
             section = "rooms";
         } else if line.starts_with("To explore") {
             section = "places";
-        } else if let Some(rest) = line.strip_prefix("Farther: ") {
+        } else if line.starts_with("Farther rooms") {
+            section = "areas";
+        } else if let Some(rest) = line.strip_prefix("Also in this room: ") {
+            out.crowd = counts(rest);
+        } else if let Some(rest) = line.strip_prefix("Not shown: ") {
             let mut words = rest.split(' ');
             out.hidden_rooms = words.next().map_or(0, number);
             out.hidden_objects += number(rest.split(", ").nth(1).unwrap_or(""));
         } else if let Some(rest) = line.strip_prefix("more near: ").or_else(|| line.strip_prefix("more here: ")) {
             out.hidden_objects += number(rest);
+        } else if let Some(rest) = line.strip_prefix("Empty: ") {
+            for range in rest.split(", ") {
+                let (first, last) = range.split_once('-').unwrap_or((range, ""));
+                let first: u64 = first.strip_prefix("room").expect("a room").parse().expect("its number");
+                for room in first..=last.parse().unwrap_or(first) {
+                    out.rooms.insert(format!("room{room}"), (String::new(), Groups::new()));
+                }
+            }
         } else if section == "near" {
             let (octant, rest) = line.split_once(": ").expect("octant: entries");
             for entry in rest.split("; ") {
@@ -151,6 +180,8 @@ pub fn decode(text: &str) -> Decoded {
                     out.peripheral.insert(pair[0].into(), (octant.into(), words[0].into(), pair[1].into()));
                 }
             }
+        } else if section == "areas" {
+            out.areas.push(area(line));
         } else if section == "rooms" {
             let (head, rest) = line.split_once("m:").expect("room bearing distance");
             let name = head.split(' ').next().expect("room name");
@@ -158,6 +189,15 @@ pub fn decode(text: &str) -> Decoded {
             let mut groups = Vec::new();
             for part in rest.split(',').map(str::trim).filter(|part| *part != "empty" && !part.is_empty()) {
                 let words: Vec<&str> = part.split(' ').collect();
+                let is_span = |word: &str| {
+                    word.strip_suffix('m')
+                        .is_some_and(|span| span.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'))
+                };
+                if !is_span(words[words.len() - 1]) {
+                    // A line without groups.
+                    groups.extend(counts(part).into_iter().map(|(class, count)| (String::new(), class, count)));
+                    continue;
+                }
                 for word in &words[1..words.len() - 1] {
                     let (class, count) = octant_prompt::names::split_count(word);
                     groups.push((words[0].to_string(), class.to_string(), count));
@@ -167,4 +207,27 @@ pub fn decode(text: &str) -> Decoded {
         }
     }
     out
+}
+
+fn counts(text: &str) -> Vec<(String, usize)> {
+    let words = text.split(' ').filter(|word| !word.is_empty() && *word != "empty");
+    words.map(octant_prompt::names::split_count).map(|(class, count)| (class.to_string(), count)).collect()
+}
+
+/// `front 16-30m, 6 rooms: chairx12 table; chair in room12 17m`
+fn area(line: &str) -> DecodedArea {
+    let (head, rest) = line.split_once(" rooms:").expect("a number of rooms");
+    let (where_, rooms) = head.split_once(", ").expect("side and distance");
+    let (side, span) = where_.split_once(' ').expect("side");
+    let number = |text: &str| text.parse::<f64>().unwrap_or_else(|_| panic!("a number in {line:?}"));
+    let span = span.strip_suffix('m').expect("metres");
+    let span_m =
+        span.split_once('-').map_or_else(|| (number(span), number(span)), |(low, high)| (number(low), number(high)));
+    let mut parts = rest.split("; ");
+    let counts = counts(parts.next().expect("counts").trim());
+    let first = parts.map(|part| {
+        let words: Vec<&str> = part.split(' ').collect();
+        (words[0].into(), words[2].into(), number(words[3].strip_suffix('m').expect("metres")))
+    });
+    DecodedArea { side: side.into(), span_m, rooms: rooms.parse().expect("rooms"), counts, first: first.collect() }
 }

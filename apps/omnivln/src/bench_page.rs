@@ -1,0 +1,79 @@
+//! The page that a bench writes: a table and a chart, beside the figures of the paper, in one file without anything to fetch.
+
+use arena::chart::bars;
+use arena::map_picture::escape;
+
+/// What a page shows.
+pub struct Page<'a> {
+    /// Heading.
+    pub title: &'a str,
+    /// A sentence or two: what was measured, on what, by which command.
+    pub note: &'a str,
+    /// Heads of the columns; the first is that of the row names.
+    pub columns: Vec<String>,
+    /// Name and cells of each row; empty for nothing.
+    pub rows: Vec<(String, Vec<Option<f64>>)>,
+    /// Decimals of the cells.
+    pub decimals: usize,
+    /// Unit of the chart's axis.
+    pub unit: &'a str,
+    /// Rows that are drawn, by position.
+    pub drawn: Vec<usize>,
+}
+
+impl Page<'_> {
+    /// The HTML text.
+    pub fn html(&self) -> String {
+        let cell = |value: &Option<f64>| value.map_or_else(String::new, |value| format!("{value:.*}", self.decimals));
+        let mut table = String::from("<table><tr>");
+        for column in &self.columns {
+            table.push_str(&format!("<th>{}</th>", escape(column)));
+        }
+        table.push_str("</tr>");
+        for (name, cells) in &self.rows {
+            table.push_str(&format!("<tr><td>{}</td>", escape(name)));
+            for value in cells {
+                table.push_str(&format!("<td>{}</td>", cell(value)));
+            }
+            table.push_str("</tr>");
+        }
+        table.push_str("</table>");
+        let groups: Vec<&str> = self.columns.iter().skip(1).map(String::as_str).collect();
+        let series: Vec<(&str, Vec<f64>)> = self
+            .drawn
+            .iter()
+            .filter_map(|row| self.rows.get(*row))
+            .map(|(name, cells)| (name.as_str(), cells.iter().map(|cell| cell.unwrap_or(f64::NAN)).collect()))
+            .collect();
+        format!(
+            "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+             <title>{title}</title><style>body{{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:0 auto;padding:1.2rem}}\
+             table{{border-collapse:collapse}}td,th{{border-bottom:1px solid #ddd;padding:.25rem .6rem;text-align:right}}\
+             td:first-child,th:first-child{{text-align:left}}svg{{max-width:100%}}</style></head><body><h1>{title}</h1><p>{note}</p>\
+             {table}{chart}</body></html>\n",
+            title = escape(self.title),
+            note = escape(self.note),
+            chart = bars(self.title, self.unit, &groups, &series),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_has_its_table_and_its_chart_and_escapes_names() {
+        let page = Page {
+            title: "t<b>",
+            note: "n",
+            columns: vec!["".into(), "D1".into(), "D2".into()],
+            rows: vec![("a".into(), vec![Some(1.0), None]), ("b".into(), vec![Some(2.0), Some(3.0)])],
+            decimals: 1,
+            unit: "tokens",
+            drawn: vec![0, 1],
+        };
+        let html = page.html();
+        assert!(html.contains("<td>2.0</td>") && html.contains("<svg") && !html.contains("t<b>"), "{html}");
+    }
+}
