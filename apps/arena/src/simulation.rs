@@ -250,6 +250,11 @@ impl<'a> Simulation<'a> {
         &self.touches
     }
 
+    /// Where the world that the flight controller believes in lies in the true one.
+    pub fn true_from_believed(&self) -> Isometry3<f64> {
+        self.believed.estimate_from_true.inverse()
+    }
+
     /// The newest estimate of the robot's own odometry, for its flight controller.
     pub fn hear(&mut self, estimate: &OdometryEstimate) {
         self.believed = EstimateFrame::of(estimate, &self.body.state());

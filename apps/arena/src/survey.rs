@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
+use mission::map_frame::MapFrame;
 use mission::odometer::with_poses;
 use mission::omni_perception::RawScan;
 use mission::robot_model::RobotModel;
@@ -44,13 +45,16 @@ pub struct Surveyed {
     pub sim_s: f64,
 }
 
+/// A robot that ends farther than this from the end of its way was somewhere else.
+const OFF_THE_WAY_M: f64 = 0.5;
 /// Control period.
 const STEP_NS: i64 = 20_000_000;
 
 /// Drives `robot` along `tour` from `start`, and tells `observe` what happens and when. Returns what is known at the end.
 ///
 /// # Errors
-/// What the simulator or the setting up of the robot's side says.
+/// What the simulator or the setting up of the robot's side says; a robot that is not at the end of the tour at the end, for what
+/// it saw says nothing about the building then.
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the survey
 pub fn survey(
     config: &RunConfig,
@@ -74,7 +78,9 @@ pub fn survey(
         let now_s = simulation.seconds();
         let is_over = pilot.is_over(now_s);
         if !is_over {
+            // The pilot knows where the robot is; the flight controller takes orders in the world that it believes in.
             let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &simulation.true_pose());
+            let command = MapFrame { map_from_odometry: simulation.true_from_believed() }.command_for_body(command);
             for event in simulation.advance(&command, STEP_NS, &mut clock)? {
                 if let SensorEvent::Scan(scan) = &event {
                     observe(now_s, Moment::Scan(scan));
@@ -93,7 +99,45 @@ pub fn survey(
             observe(now_s, Moment::Refreshed { world: &world, truth_from_map, truth_from_body });
         }
         if is_over {
+            let left_m =
+                tour.way.last().map_or(0.0, |end| (simulation.true_pose().translation.vector.xy() - end.coords).norm());
+            ensure!(left_m <= OFF_THE_WAY_M, "the robot did not follow its way: {left_m:.1} m from its end at the end");
             return Ok(Surveyed { world, points_on: simulation.lidar_points_on().clone(), sim_s: now_s });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::referee::Referee;
+    use crate::scenario::{draw_start, robot_truth};
+    use nalgebra::Point2;
+
+    #[test]
+    fn an_aircraft_flies_the_way_that_it_is_given_and_knows_where_it_is() {
+        let robot = RobotModel::builtin_quadrotor();
+        let config = RunConfig::default();
+        let scene = Scene::drawn(5, &robot).unwrap();
+        let body = robot_truth(&robot, config.mission.flight_height_m);
+        let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
+        let start = draw_start(&referee, &robot, 3).unwrap();
+        let at = Point2::from(start.translation.vector.xy());
+        let mut tour = Tour::plan(referee.floor(), &scene.building, body.radius_m, &at).unwrap();
+        tour.way.truncate(24);
+        tour.room_m.truncate(24);
+        let floor_z_m = start.translation.vector.z - robot.stance_height_m;
+        let mut worst_m: f64 = 0.0;
+        let mut flown_m: f64 = 0.0;
+        survey(&config, &robot, &scene, &start, &tour, floor_z_m, 3, &mut |_, moment| {
+            let Moment::Refreshed { world, truth_from_map, truth_from_body } = moment else { return };
+            flown_m = flown_m.max((truth_from_body.translation.vector - start.translation.vector).xy().norm());
+            if let Some(odometry) = &world.odometry {
+                let believed = truth_from_map * odometry.world_from_body;
+                worst_m = worst_m.max((believed.translation.vector - truth_from_body.translation.vector).norm());
+            }
+        })
+        .unwrap();
+        assert!(flown_m > 0.5 && worst_m < 0.05, "{flown_m} m flown, believed to be up to {worst_m} m elsewhere");
     }
 }

@@ -107,12 +107,18 @@ pub fn update_relations(
         candidates(graph, a, b, &carrier_of, config, &mut found);
     }
     found.sort_unstable_by_key(|candidate| candidate.relation.key());
+    let within = found.iter().map(|candidate| &candidate.relation).filter(|r| r.kind == RelationKind::Inside);
+    let container_of: BTreeMap<ObjectId, ObjectId> = within.map(|r| (r.subject, r.object)).collect();
     let mut known = graph.relations.iter().peekable();
     for candidate in &mut found {
         let key = candidate.relation.key();
         while known.next_if(|(old, _)| **old < key).is_some() {}
         let known = known.peek().filter(|(old, _)| **old == key).map(|(_, relation)| relation.evidence);
-        judge(graph, candidate, known, line_of_sight, verify, config, &mut report);
+        if let Some(at) = blocked(graph, candidate, &container_of, line_of_sight, config) {
+            candidate.relation.evidence.verdict = Verdict::Blocked(at);
+        } else {
+            ask(candidate, known, verify, config, &mut report);
+        }
     }
     keep_nearest(&mut found, config.max_near);
     for mut candidate in between(&found, config) {
@@ -241,24 +247,29 @@ fn rounded(gap_m: f64) -> f64 {
     (gap_m * 10.0).round() / 10.0
 }
 
-/// Eq. 6, then Eq. 7.
-fn judge(
+/// OmniVLN Eq. 6 for what is only near: the point that blocks it.
+///
+/// A thing does not hide itself, so the line begins a margin beside it; but the side of the shelf that it stands in may be nearer
+/// than that, and hides it from all that is not in the shelf as well.
+fn blocked(
     graph: &SceneGraph,
-    candidate: &mut Candidate,
-    known: Option<Evidence>,
+    candidate: &Candidate,
+    container_of: &BTreeMap<ObjectId, ObjectId>,
     line_of_sight: SightLine,
-    verify: &dyn Fn(&Object, &Object, RelationKind) -> f64,
     config: &RelationConfig,
-    report: &mut RelationReport,
-) {
-    let (a, b) = (candidate.subject, candidate.object);
-    if candidate.relation.kind == RelationKind::Near
-        && let Some(at) = parting_wall(graph, a, b).or_else(|| blocking_point(a, b, line_of_sight, config))
-    {
-        candidate.relation.evidence.verdict = Verdict::Blocked(at);
-    } else {
-        ask(candidate, known, verify, config, report);
+) -> Option<Point3<f64>> {
+    const IN_A_SHELF_M: f64 = 0.05;
+    if candidate.relation.kind != RelationKind::Near {
+        return None;
     }
+    let (a, b) = (candidate.subject, candidate.object);
+    let (within_a, within_b) = (container_of.get(&a.id), container_of.get(&b.id));
+    let margin_m = |within: Option<&ObjectId>| match within {
+        Some(_) if within_a != within_b => IN_A_SHELF_M.min(config.sight_margin_m),
+        _ => config.sight_margin_m,
+    };
+    let margins = (margin_m(within_a), margin_m(within_b));
+    parting_wall(graph, a, b).or_else(|| blocking_point(a, b, line_of_sight, margins, config))
 }
 
 /// OmniVLN Eq. 7: short relations are shown to the verifier, once.
@@ -486,6 +497,25 @@ mod tests {
         }
         update_relations(&mut graph, &clear, &yes, &RelationConfig::default()).unwrap();
         assert_eq!(found(&graph), ["O2 near O3", "O2 on O1", "O3 on O1"]);
+    }
+
+    #[test]
+    fn the_side_of_a_shelf_hides_what_stands_in_it() {
+        let mut graph = scene(&[
+            ("bookshelf", [0.0, 0.0, 1.0], [1.0, 0.4, 2.0]),
+            ("book", [-0.4, 0.0, 1.0], [0.06, 0.2, 0.3]),
+            ("book", [0.0, 0.0, 1.0], [0.06, 0.2, 0.3]),
+            ("lamp", [-0.9, 0.0, 0.8], [0.3, 0.3, 1.6]),
+        ]);
+        // Its left side stands 7 cm beside the first book.
+        let side = |a: &Point3<f64>, b: &Point3<f64>| {
+            let share = (-0.5 - a.x) / (b.x - a.x);
+            (0.0..=1.0).contains(&share).then(|| a + (b - a) * share)
+        };
+        update_relations(&mut graph, &side, &yes, &RelationConfig::default()).unwrap();
+        let found = found(&graph);
+        assert!(!found.contains(&"O2 near O4".to_owned()), "{found:?}");
+        assert!(found.contains(&"O2 near O3".to_owned()), "{found:?}");
     }
 
     #[test]

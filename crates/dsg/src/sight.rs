@@ -9,11 +9,13 @@ use crate::relations::{RelationConfig, SightLine};
 /// OmniVLN Eq. 6: the edge falls if the map comes too near to the line between the two.
 ///
 /// Departure: the line over both tops must be blocked as well. Two things on one table have the table top within reach of
-/// the line between their centres, which would prune true relations; a wall blocks both lines.
+/// the line between their centres, which would prune true relations; a wall blocks both lines. The lines begin outside the
+/// boxes by the two margins.
 pub(crate) fn blocking_point(
     a: &Object,
     b: &Object,
     line_of_sight: SightLine,
+    (margin_a_m, margin_b_m): (f64, f64),
     config: &RelationConfig,
 ) -> Option<Point3<f64>> {
     let over_m = a.bounds.max.z.max(b.bounds.max.z) + config.sight_margin_m;
@@ -21,8 +23,8 @@ pub(crate) fn blocking_point(
     let over_the_tops = (lifted(&a.centroid, over_m), lifted(&b.centroid, over_m));
     let mut first_block = None;
     for (from, to) in [between_centres, over_the_tops] {
-        let start = exit(&from, &to, a, config.sight_margin_m);
-        let end = exit(&to, &from, b, config.sight_margin_m);
+        let start = exit(&from, &to, a, margin_a_m);
+        let end = exit(&to, &from, b, margin_b_m);
         // The free part is empty: they touch.
         if (end - start).dot(&(to - from)) <= 0.0 {
             return None;
