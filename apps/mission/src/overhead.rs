@@ -14,15 +14,16 @@ const PLUMB_M: f64 = 0.10;
 /// A slice above the lintels, cell for cell over the slice of the rooms.
 #[derive(Debug, Clone)]
 pub struct Overhead {
+    /// Whether it says something about most of what is free.
+    pub knows_most: bool,
     grid: OccupancyGrid,
     /// Distance to the nearest wall or lintel overhead.
     to_wall_m: Vec<f32>,
 }
 
 impl Overhead {
-    /// Reads `above`, a slice of the same map between lintels and ceiling, over the cells of `slice`. `None` if it says
-    /// nothing about most of what is free in `slice`: never seen, or a low ceiling.
-    pub fn over(slice: &OccupancyGrid, above: &OccupancyGrid) -> Option<Overhead> {
+    /// Reads `above`, a slice of the same map between lintels and ceiling, over the cells of `slice`.
+    pub fn new(slice: &OccupancyGrid, above: &OccupancyGrid) -> Overhead {
         let over = |cell: usize| above.at(&slice.center(cell % slice.width, cell / slice.width));
         let cells: Vec<Cell> = (0..slice.cells.len()).map(over).collect();
         let mut grid = OccupancyGrid { cells, ..OccupancyGrid::unknown(slice.origin, slice.resolution_m, 0, 0) };
@@ -31,7 +32,7 @@ impl Overhead {
         let says = |(below, above): &(&Cell, &Cell)| **below == Cell::Free && **above != Cell::Unknown;
         let known = slice.cells.iter().zip(&grid.cells).filter(says).count();
         let to_wall_m = clearance(&grid, false);
-        (2 * known > slice.count(Cell::Free)).then_some(Overhead { grid, to_wall_m })
+        Overhead { knows_most: 2 * known > slice.count(Cell::Free), grid, to_wall_m }
     }
 
     /// The slice without what ends below the lintels: cells with open air over them and no wall beside that are free, also
@@ -99,7 +100,7 @@ mod tests {
     fn a_cupboard_ends_and_a_wall_goes_on() {
         let slice = grid(&["#......", "#..##..", "#..# ..", "#......"]);
         let above = grid(&["#......", "#......", "#......", "#......"]);
-        let overhead = Overhead::over(&slice, &above).unwrap();
+        let overhead = Overhead::new(&slice, &above);
         assert_eq!(overhead.without_furniture(&slice), above, "the cupboard is gone");
         assert!(overhead.are_wall(&[0, 7, 14]) && !overhead.are_wall(&[10, 11, 17, 18]));
     }
@@ -108,11 +109,12 @@ mod tests {
     fn what_nobody_saw_from_below_stays() {
         let slice = grid(&["#......", "#..##..", "#..##..", "#......"]);
         let unseen = grid(&["       "; 4]);
-        assert!(Overhead::over(&slice, &unseen).is_none());
+        let blind = Overhead::new(&slice, &unseen);
+        assert!(!blind.knows_most && blind.without_furniture(&slice) == slice);
         let elsewhere = OccupancyGrid::unknown(Point2::new(50.0, 0.0), 0.1, 3, 3);
-        assert!(Overhead::over(&slice, &elsewhere).is_none());
+        assert_eq!(Overhead::new(&slice, &elsewhere).without_furniture(&slice), slice);
         let seen_on_the_left = grid(&["...  .."; 4]);
-        let overhead = Overhead::over(&slice, &seen_on_the_left).unwrap();
+        let overhead = Overhead::new(&slice, &seen_on_the_left);
         assert_eq!(overhead.without_furniture(&slice), grid(&[".......", "...##..", "...##..", "......."]));
     }
 
@@ -126,7 +128,7 @@ mod tests {
             above.cells[cell] = if x < 20 || x == 30 { Cell::Occupied } else { Cell::Free };
         }
         let slice = OccupancyGrid { cells: vec![Cell::Free; side * side], ..above.clone() };
-        let overhead = Overhead::over(&slice, &above).unwrap();
+        let overhead = Overhead::new(&slice, &above);
         let row = 20 * side;
         assert!(!overhead.is_under_lintel(row + 10) && !overhead.is_under_lintel(row + 25));
         assert!((29..=31).all(|x| overhead.is_under_lintel(row + x)));

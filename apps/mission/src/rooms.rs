@@ -25,7 +25,7 @@ pub struct RoomConfig {
     pub island_side_m: f64,
     /// Ratio of the pinch to the smaller room, default 0.88.
     pub rho: f64,
-    /// The same where it is known what is over the gaps, default 0.75: doors show themselves there, and of what has no lintel
+    /// The same where it is known what is over most gaps, default 0.75: doors show themselves there, and of what has no lintel
     /// only a clear narrowing parts two rooms.
     pub open_rho: f64,
     /// Ratio of the pinch to the larger room, default 0.75.
@@ -120,7 +120,7 @@ impl RoomMap {
         before: Option<&RoomMap>,
     ) -> Result<RoomMap, HysteresisError> {
         // 1. Furniture is filled: what ends below the lintels, and what stands alone.
-        let overhead = above.and_then(|above| Overhead::over(slice, above));
+        let overhead = above.map(|above| Overhead::new(slice, above));
         let walls = overhead.as_ref().map_or_else(|| slice.clone(), |overhead| overhead.without_furniture(slice));
         let is_wall = |island: &[usize]| overhead.as_ref().is_some_and(|overhead| overhead.are_wall(island));
         let grid = fill_islands(&walls, config.island_area_m2, config.island_side_m, is_wall);
@@ -139,7 +139,8 @@ impl RoomMap {
         // 4. The partition.
         let cell_area_m2 = grid.resolution_m * grid.resolution_m;
         let areas = vec![cell_area_m2; graph.len()];
-        let rho = if overhead.is_some() { config.open_rho } else { config.rho };
+        let knows_most = overhead.as_ref().is_some_and(|overhead| overhead.knows_most);
+        let rho = if knows_most { config.open_rho } else { config.rho };
         let pinch_config = PinchConfig { rho, sigma: config.sigma, tau: config.tau_m, min_area: config.min_area_m2 };
         let center_of = |vertex: u32| {
             let cell = cell_of_vertex[vertex as usize] as usize;
