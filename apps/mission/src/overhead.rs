@@ -26,8 +26,7 @@ impl Overhead {
     pub fn new(slice: &OccupancyGrid, above: &OccupancyGrid) -> Overhead {
         let over = |cell: usize| above.at(&slice.center(cell % slice.width, cell / slice.width));
         let cells: Vec<Cell> = (0..slice.cells.len()).map(over).collect();
-        let mut grid = OccupancyGrid { cells, ..OccupancyGrid::unknown(slice.origin, slice.resolution_m, 0, 0) };
-        (grid.width, grid.height) = (slice.width, slice.height);
+        let mut grid = OccupancyGrid { cells, ..*slice };
         forget_ceilings(&mut grid);
         let says = |(below, above): &(&Cell, &Cell)| **below == Cell::Free && **above != Cell::Unknown;
         let known = slice.cells.iter().zip(&grid.cells).filter(says).count();
@@ -48,10 +47,13 @@ impl Overhead {
         walls
     }
 
-    /// Whether most of these cells go on above the lintels, as walls do.
-    pub fn are_wall(&self, cells: &[usize]) -> bool {
-        let up = cells.iter().filter(|cell| self.grid.cells[**cell] == Cell::Occupied).count();
-        2 * up > cells.len()
+    /// Puts back into `filled` what of `slice` goes on above the lintels, as walls do, however small it is.
+    pub fn put_walls_back(&self, slice: &OccupancyGrid, filled: &mut OccupancyGrid) {
+        for (at, cell) in filled.cells.iter_mut().enumerate() {
+            if slice.cells[at] == Cell::Occupied && f64::from(self.to_wall_m[at]) <= PLUMB_M {
+                *cell = Cell::Occupied;
+            }
+        }
     }
 
     /// Whether a lintel (or a wall) is over a cell or beside it: lintels are seen with gaps of a voxel.
@@ -65,7 +67,7 @@ fn forget_ceilings(grid: &mut OccupancyGrid) {
     let is_wall = |cell: &Cell| *cell == Cell::Occupied;
     let marked = |is_marked: &dyn Fn(usize) -> bool| {
         let cells = (0..grid.cells.len()).map(|cell| if is_marked(cell) { Cell::Occupied } else { Cell::Free });
-        OccupancyGrid { cells: cells.collect(), ..grid.clone() }
+        OccupancyGrid { cells: cells.collect(), ..*grid }
     };
     let depth_m = clearance(&marked(&|cell| !is_wall(&grid.cells[cell])), false);
     let is_core = |cell: usize| is_wall(&grid.cells[cell]) && f64::from(depth_m[cell]) > HALF_A_WALL_M;
@@ -102,7 +104,9 @@ mod tests {
         let above = grid(&["#......", "#......", "#......", "#......"]);
         let overhead = Overhead::new(&slice, &above);
         assert_eq!(overhead.without_furniture(&slice), above, "the cupboard is gone");
-        assert!(overhead.are_wall(&[0, 7, 14]) && !overhead.are_wall(&[10, 11, 17, 18]));
+        let mut filled = OccupancyGrid { cells: vec![Cell::Free; 28], ..slice };
+        overhead.put_walls_back(&slice, &mut filled);
+        assert_eq!(filled, above, "the wall is back, the cupboard is not");
     }
 
     #[test]

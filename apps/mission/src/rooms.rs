@@ -1,7 +1,7 @@
 //! Rooms from the map: a slice above the furniture, its clearance, and the partition of that clearance by `Pinch`.
 //!
 //! The slice lies between table tops and door lintels, so walls remain and most furniture is gone; what stands alone in
-//! it is filled (notes on rooms: furniture is filled first). Each free pixel becomes a vertex whose value is its
+//! it is filled. Each free pixel becomes a vertex whose value is its
 //! clearance; persistent homology of that graph says where the building is pinched, and pinches are doors.
 //!
 //! A map with three dimensions knows more than a floor plan: what ends below the lintels is furniture however large, what goes
@@ -119,11 +119,17 @@ impl RoomMap {
         config: &RoomConfig,
         before: Option<&RoomMap>,
     ) -> Result<RoomMap, HysteresisError> {
-        // 1. Furniture is filled: what ends below the lintels, and what stands alone.
+        // 1. Furniture is filled: what ends below the lintels, and what stands alone and is no wall.
         let overhead = above.map(|above| Overhead::new(slice, above));
-        let walls = overhead.as_ref().map_or_else(|| slice.clone(), |overhead| overhead.without_furniture(slice));
-        let is_wall = |island: &[usize]| overhead.as_ref().is_some_and(|overhead| overhead.are_wall(island));
-        let grid = fill_islands(&walls, config.island_area_m2, config.island_side_m, is_wall);
+        let fill = |grid: &OccupancyGrid| fill_islands(grid, config.island_area_m2, config.island_side_m);
+        let grid = match &overhead {
+            None => fill(slice),
+            Some(overhead) => {
+                let mut grid = fill(&overhead.without_furniture(slice));
+                overhead.put_walls_back(slice, &mut grid);
+                grid
+            }
+        };
         // 2. Clearance of every free cell; what nobody saw counts as a wall. A doorway is a deep valley: what is under a lintel
         //    keeps its order and loses its height.
         let clearance_m = clearance(&grid, true);

@@ -92,7 +92,7 @@ impl Set {
     fn subjects(&self, filling: Filling) -> Vec<Subject> {
         let plans = self.grids.iter().zip(&self.truths);
         let subject = |(grid, truth): (&OccupancyGrid, &Vec<u32>)| {
-            let filled = fill_islands(grid, filling.area_m2, filling.side_m, |_| false);
+            let filled = fill_islands(grid, filling.area_m2, filling.side_m);
             let (graph, place_of) = grid_graph(&clearance(&filled, true), grid.width);
             let areas = vec![RESOLUTION_M * RESOLUTION_M; graph.len()];
             Subject {

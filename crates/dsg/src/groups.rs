@@ -108,11 +108,10 @@ fn clusters(graph: &SceneGraph, config: &GroupConfig) -> Vec<BTreeSet<ObjectId>>
         let reach = objects[i].bounds.max.x + config.reach_m;
         let is_near = |j: usize| objects[j].room == objects[i].room && objects[j].bounds.min.x <= reach;
         for &j in order[at + 1..].iter().take_while(|&&j| is_near(j)) {
-            let together = |a: &Object, b: &Object| match carried.contains(&(a.id.min(b.id), a.id.max(b.id))) {
-                true => 1.0,
-                false => together(shares_of[i], shares_of[j]),
-            };
-            let affinity = affinity(objects[i], objects[j], together, config);
+            let (a, b) = (objects[i], objects[j]);
+            let is_carried = || carried.contains(&(a.id.min(b.id), a.id.max(b.id)));
+            let together = || if is_carried() { 1.0 } else { together(shares_of[i], shares_of[j]) };
+            let affinity = affinity(a, b, together, config);
             if affinity > config.min_affinity {
                 pairs.push((affinity, i.min(j), i.max(j)));
             }
@@ -159,12 +158,12 @@ fn carried(graph: &SceneGraph) -> BTreeSet<(ObjectId, ObjectId)> {
 }
 
 /// The affinity of two things of one room, of which `together` says how well they go together.
-fn affinity(a: &Object, b: &Object, together: impl Fn(&Object, &Object) -> f64, config: &GroupConfig) -> f64 {
+fn affinity(a: &Object, b: &Object, together: impl Fn() -> f64, config: &GroupConfig) -> f64 {
     let gap_m = a.bounds.gap_m(&b.bounds);
     if gap_m > config.reach_m {
         return 0.0;
     }
-    let together = together(a, b);
+    let together = together();
     let stays = if a.group.is_some() && a.group == b.group { config.hysteresis } else { 0.0 };
     if together == 0.0 { 0.0 } else { (-gap_m / config.decay_m).exp() * together + stays }
 }

@@ -154,7 +154,7 @@ fn height_map_and_footing(bencher: Bencher) {
 
 #[divan::bench(sample_count = 20, sample_size = 1)]
 fn skeleton_of_the_ground_grid(bencher: Bencher) {
-    let grid = fill_islands(&recorded().mapped(recorded().scans.len()).ground_grid(0.0, 0.1, 1.2), 1.0, 1.2, |_| false);
+    let grid = fill_islands(&recorded().mapped(recorded().scans.len()).ground_grid(0.0, 0.1, 1.2), 1.0, 1.2);
     bencher.bench_local(|| skeleton(&grid, 1.75, 0.25));
 }
 

@@ -369,17 +369,22 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_one_of_three_is_between() {
-        let found = truth(
-            &[ROOM],
-            vec![
+    fn the_middle_one_of_three_is_between_if_all_stand_on_the_same() {
+        let between = |carriers: [Option<u32>; 3]| {
+            let mut things = vec![
                 thing(1, "chair", [0.0, 0.0, 0.4], 0.5),
                 thing(2, "lamp", [1.0, 0.02, 0.4], 0.3),
                 thing(3, "chair", [2.0, 0.0, 0.4], 0.5),
-            ],
-        );
-        assert_eq!(found.get(&(2, Between, 1, Some(3))), Some(&Holds::Yes));
-        assert!(!found.contains_key(&(1, Between, 2, Some(3))));
+            ];
+            things.iter_mut().zip(carriers).for_each(|(thing, carrier)| thing.supported_by = carrier);
+            let found = truth(&[ROOM], things);
+            assert!(!found.contains_key(&(1, Between, 2, Some(3))));
+            found.get(&(2, Between, 1, Some(3))).copied()
+        };
+        assert_eq!(between([None; 3]), Some(Holds::Yes));
+        assert_eq!(between([Some(9); 3]), Some(Holds::Yes));
+        assert_eq!(between([None, Some(9), None]), None);
+        assert_eq!(between([Some(8), Some(9), Some(8)]), None);
     }
 
     #[test]
