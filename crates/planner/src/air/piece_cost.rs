@@ -205,7 +205,7 @@ impl<'a> PieceCost<'a> {
                         axis.reverse(airframe, 0.0, &(by_z * scale), &(by_dz * scale))
                     }
                     2 => axis.reverse(airframe, -1.0 / self.limits.max_thrust_n, &zero, &zero),
-                    _ => axis.reverse(airframe, 1.0 / self.limits.max_thrust_n, &zero, &zero),
+                    _ => axis.reverse(airframe, 1.0 / self.limits.thrust_scale_n(), &zero, &zero),
                 };
                 // The slack by the six vectors and theta.
                 let mut row = [Vector3::zeros(); 6];
@@ -245,7 +245,7 @@ impl<'a> PieceCost<'a> {
             axis.z.z - (self.limits.max_tilt_rad * share).cos(),
             RATE_EDGE - (axis.rate_squared() / (rate * rate) + 0.01).sqrt(),
             share - axis.thrust_n / self.limits.max_thrust_n,
-            (axis.thrust_n - self.limits.min_thrust_n) / self.limits.max_thrust_n - self.tighten.rotors,
+            (axis.thrust_n - self.limits.min_thrust_n) / self.limits.thrust_scale_n() - self.tighten.rotors,
         ]
     }
 }
