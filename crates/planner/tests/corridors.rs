@@ -260,3 +260,38 @@ fn a_forest_is_crossed_outside_every_grown_voxel() {
     assert_eq!(fly(&Point3::new(0.0, 0.0, 77.0), &goal), VoxelFlightError::StartBlocked);
     assert_eq!(fly(&start, &Point3::new(f64::NAN, 0.0, 1.0)), VoxelFlightError::GoalBlocked);
 }
+
+/// Limits that are switched off, numbers at the edge of sense, settings that would never end: an answer, proved or refused.
+#[test]
+fn whatever_the_numbers_there_is_an_answer() {
+    let (start, goal, corridor) = chain(20, 3);
+    let good = limits(false);
+    let usual = InteriorSettings::default();
+    let fly = |limits: &FlightLimits, settings: &InteriorSettings| {
+        fly_corridor(&start, &goal, &corridor, limits, settings).map(|f| f.proof.holds)
+    };
+    let strong = FlightLimits { max_thrust_n: f64::INFINITY, ..good };
+    assert_eq!(fly(&strong, &usual), Ok(true));
+    assert!(fly_corridor_hard(&start, &goal, &corridor, &strong).unwrap().proof.holds);
+    let free = FlightLimits { max_rate_radps: f64::INFINITY, min_thrust_n: f64::NEG_INFINITY, ..strong };
+    assert_eq!(fly(&free, &usual), Ok(true));
+    for settings in [
+        InteriorSettings { shrink: 1.0, ..usual },
+        InteriorSettings { shrink: f64::NAN, ..usual },
+        InteriorSettings { last_weight: 0.0, last_softness: 0.0, ..usual },
+    ] {
+        assert_eq!(fly(&good, &settings), Ok(true), "{settings:?}");
+    }
+    for limits in [
+        FlightLimits { min_duration_s: 1e300, ..good },
+        FlightLimits { min_duration_s: 1e-300, ..good },
+        FlightLimits { time_weight: 1e300, ..good },
+        FlightLimits { time_weight: 1e-300, ..good },
+        FlightLimits { max_speed_mps: 1e-9, ..good },
+        FlightLimits { max_speed_mps: 1e300, ..good },
+    ] {
+        if let Ok(holds) = fly(&limits, &usual) {
+            assert!(holds);
+        }
+    }
+}

@@ -5,34 +5,25 @@ mod support;
 use nalgebra::{Point3, Quaternion, Vector3};
 use planner::air::diffeomorphism::*;
 use planner::air::lbfgs::{LbfgsSettings, LbfgsStatus};
-use planner::air::penalty::{PenalisedSpline, PenaltyWeights};
+use planner::air::penalty::{PenalisedSpline, PenaltyError, PenaltyWeights};
 use planner::air::shape::{Place, shape};
 use planner::{Airframe, FlightLimits, MincoGradient, Polytope};
 use proptest::prelude::*;
-use support::{numbers, rows, shared_aerial};
+use support::{corridors, numbers, shared_aerial};
 
 fn vector(reach: f64) -> impl Strategy<Value = Vector3<f64>> {
     proptest::array::uniform3(-reach..reach).prop_map(Vector3::from)
 }
 
+/// Tighter than usual, so that random flights break every one of them.
 fn limits() -> FlightLimits {
     FlightLimits {
         max_speed_mps: 3.0,
-        max_accel_mps2: f64::INFINITY,
-        airframe: Some(Airframe {
-            mass_kg: 0.61,
-            gravity_mps2: 9.8,
-            drag_across: 0.7,
-            drag_along: 0.8,
-            drag_parasitic: 0.01,
-            speed_epsilon: 1e-4,
-        }),
         max_tilt_rad: 0.6,
         max_rate_radps: 1.5,
         min_thrust_n: 4.0,
         max_thrust_n: 8.0,
-        min_duration_s: 0.05,
-        time_weight: 20.0,
+        ..corridors::limits(false)
     }
 }
 
@@ -73,7 +64,6 @@ fn flatness_equals_the_stored_vectors() {
     }
     println!("worst relative difference {worst:e}");
     assert!(cases.as_array().unwrap().len() == 40 && worst < 1e-9, "{worst:e}");
-    let _ = rows;
 }
 
 proptest! {
@@ -189,4 +179,32 @@ fn waypoints_are_passed_nearly_within_limits_and_bit_for_bit_again() {
         .fold(0.0, f64::max);
     assert!(fastest > 2.5 && fastest < 3.0 + 0.01, "{fastest}");
     assert_eq!(run().spline.coefficients(), found.spline.coefficients());
+}
+
+#[test]
+fn shapes_that_cannot_be_are_refused_with_the_reason() {
+    let around = [Polytope::from_box(&Point3::new(-9.0, -9.0, -9.0), &Point3::new(9.0, 9.0, 9.0))];
+    let zero = [Vector3::zeros(); 3];
+    let end = [Vector3::new(4.0, 0.0, 0.0), zero[0], zero[0]];
+    let middle = [Vector3::new(2.0, 1.0, 0.0)];
+    let ball = |radius_m: f64| Place::Ball { centre: middle[0], radius_m };
+    let attempt = |place: Place, polytope_of: &[usize], times: &[f64], limits: &FlightLimits| {
+        let (weights, settings) = (PenaltyWeights::default(), LbfgsSettings::default());
+        shape(&zero, &end, &[place], &around, polytope_of, &middle, times, limits, &weights, &settings)
+    };
+    let good = limits();
+    let refused =
+        |place, of: &[usize], times: &[f64], limits| attempt(place, of, times, limits).map(|_| ()).unwrap_err();
+    assert!(attempt(ball(0.2), &[0, 0], &[2.0; 2], &good).is_ok());
+    assert_eq!(refused(ball(0.0), &[0, 0], &[2.0; 2], &good), PenaltyError::NoPlace { place: 0 });
+    assert_eq!(refused(Place::Hull(Vec::new()), &[0, 0], &[2.0; 2], &good), PenaltyError::NoPlace { place: 0 });
+    let nowhere = PenaltyError::NoPolytope { piece: 1, polytope: 3, count: 1 };
+    assert_eq!(refused(ball(0.2), &[0, 3], &[2.0; 2], &good), nowhere);
+    assert!(matches!(refused(ball(0.2), &[0, 0], &[2.0; 3], &good), PenaltyError::Spline(_)));
+    assert!(matches!(refused(ball(0.2), &[0, 0], &[f64::NAN, 2.0], &good), PenaltyError::Spline(_)));
+    let massless = FlightLimits { airframe: good.airframe.map(|a| Airframe { mass_kg: 0.0, ..a }), ..good };
+    assert!(matches!(refused(ball(0.2), &[0, 0], &[2.0; 2], &massless), PenaltyError::Limits(_)));
+    // Infinity switches a limit off.
+    let strong = FlightLimits { max_thrust_n: f64::INFINITY, max_rate_radps: f64::INFINITY, ..good };
+    assert!(attempt(ball(0.2), &[0, 0], &[2.0; 2], &strong).unwrap().report.cost.is_finite());
 }

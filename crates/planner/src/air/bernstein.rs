@@ -17,9 +17,11 @@ pub(crate) struct QuinticPoints {
 }
 
 impl QuinticPoints {
-    /// From at most six coefficients in ascending powers of local time; `None` if there are more.
+    /// From at most six coefficients in ascending powers of local time; `None` if there are more, or if the duration is not a
+    /// positive number.
     pub fn new(coefficients: &[Vector3<f64>], duration_s: f64) -> Option<Self> {
-        (coefficients.len() <= 6).then(|| QuinticPoints {
+        let is_known = coefficients.len() <= 6 && duration_s > 0.0 && duration_s.is_finite();
+        is_known.then(|| QuinticPoints {
             position: points::<6>(coefficients, 0, duration_s),
             velocity: points::<5>(coefficients, 1, duration_s),
             acceleration: points::<4>(coefficients, 2, duration_s),
@@ -101,5 +103,6 @@ mod tests {
             assert!((at(k, t) - p).norm() < 1e-9, "derivative {k} at {t}");
         }
         assert!(QuinticPoints::new(&[Vector3::zeros(); 7], 1.0).is_none());
+        assert!(QuinticPoints::new(&c, 0.0).is_none() && QuinticPoints::new(&c, f64::NAN).is_none());
     }
 }

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::bernstein::QuinticPoints;
 use super::polytope::Polytope;
-use super::proof::{POLYNOMIAL_DEPTH, PROOF_TOL, upper};
+use super::proof::{POLYNOMIAL_DEPTH, PROOF_TOL, larger, smaller, upper};
 use super::trajectory::{Piece, PolynomialTrajectory};
 
 /// What was proved about a trajectory. All bounds hold at every instant, not only at samples.
@@ -33,7 +33,8 @@ pub(crate) struct PieceBounds {
     pub slack: f64,
 }
 
-/// Checks each piece `i` against `corridor[polytope_of[i]]` and both limits.
+/// Checks each piece `i` against `corridor[polytope_of[i]]` and both limits (m/s, m/s^2), each by itself: that pieces join is the
+/// business of the spline. `clearance_m` is handed on.
 pub fn certify(
     trajectory: &PolynomialTrajectory,
     corridor: &[Polytope],
@@ -55,18 +56,19 @@ pub fn certify(
             break;
         };
         let bounds = bound(piece, polytope, max_speed_mps, max_accel_mps2);
-        certificate.max_speed_mps = certificate.max_speed_mps.max(bounds.speed);
-        certificate.max_accel_mps2 = certificate.max_accel_mps2.max(bounds.accel);
-        certificate.corridor_slack_m = certificate.corridor_slack_m.min(bounds.slack);
+        certificate.max_speed_mps = larger(certificate.max_speed_mps, bounds.speed);
+        certificate.max_accel_mps2 = larger(certificate.max_accel_mps2, bounds.accel);
+        certificate.corridor_slack_m = smaller(certificate.corridor_slack_m, bounds.slack);
     }
-    // NaN fails every comparison.
+    // The bounds keep NaN, and NaN fails every comparison.
     certificate.holds &= certificate.max_speed_mps <= max_speed_mps + PROOF_TOL
         && certificate.max_accel_mps2 <= max_accel_mps2 + PROOF_TOL
         && certificate.corridor_slack_m >= -PROOF_TOL;
     certificate
 }
 
-/// Bounds of one piece, as tight as needed to decide against the limits. Nothing is known of more than quintic pieces.
+/// Bounds of one piece, as tight as needed to decide against the limits. Nothing is known of pieces beyond quintics, or of no
+/// duration.
 pub(crate) fn bound(piece: &Piece, polytope: &Polytope, max_speed_mps: f64, max_accel_mps2: f64) -> PieceBounds {
     let Some(points) = QuinticPoints::new(&piece.coefficients, piece.duration_s) else {
         return PieceBounds { speed: f64::INFINITY, accel: f64::INFINITY, slack: f64::NEG_INFINITY };

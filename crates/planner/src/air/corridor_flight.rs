@@ -39,7 +39,7 @@ pub enum CorridorError {
     /// The limits do not hold together.
     #[error(transparent)]
     Limits(#[from] LimitsError),
-    /// No polytope, or start, goal or a face is not finite, or a normal is not of unit length.
+    /// Fewer than four faces, a face that is not finite, a normal that is not of unit length, or directions without end.
     #[error("polytope {polytope}: it needs faces with unit normals and finite offsets that bound it")]
     BadPolytope {
         /// Its number, from 0.
@@ -119,7 +119,7 @@ pub fn fly_corridor(
     let mut steps = 0;
     for _ in 0..ROUNDS {
         // 2. The barrier.
-        steps += optimise(&mut nodes, &faces, limits, tighten, &settings).steps;
+        steps += optimise(&mut nodes, &faces, limits, tighten, &settings);
         // 3. The proof.
         let flight = corridor_flight(&nodes, corridor, &polytope_of, limits);
         if flight.proof.holds {
@@ -139,11 +139,15 @@ const FIRST_TIGHTEN: Tighten = Tighten { faces_m: 1e-5, motion: 1e-6, rotors: 1e
 impl Tighten {
     /// Half as much again as was exceeded, within reason.
     fn after(self, v: &Violation, limits: &FlightLimits) -> Self {
-        let shares =
-            [v.tilt_rad / limits.max_tilt_rad, v.rate_radps / limits.max_rate_radps, v.thrust_n / limits.max_thrust_n];
+        let shares = [
+            v.tilt_rad / limits.max_tilt_rad,
+            v.rate_radps / limits.max_rate_radps,
+            v.thrust_n / limits.thrust_scale_n(),
+        ];
+        let motion = (v.speed_mps / limits.max_speed_mps).max(v.accel_mps2 / limits.max_accel_mps2);
         Tighten {
             faces_m: self.faces_m + 1.5 * v.corridor_m.min(0.01),
-            motion: self.motion + 1.5 * (v.speed_mps / limits.max_speed_mps).min(0.02),
+            motion: self.motion + 1.5 * motion.min(0.02),
             rotors: self.rotors + 1.5 * shares.into_iter().fold(0.0, f64::max).min(0.05),
         }
     }

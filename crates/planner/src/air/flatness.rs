@@ -107,7 +107,7 @@ impl ThrustAxis {
     }
 
     /// Body rate about the thrust axis without a yaw rate.
-    fn twist(&self) -> f64 {
+    pub fn twist(&self) -> f64 {
         (self.z.y * self.dz.x - self.z.x * self.dz.y) / (1.0 + self.z.z)
     }
 

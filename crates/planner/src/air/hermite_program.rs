@@ -199,7 +199,7 @@ fn constraints(corridor: &[&Polytope], pieces: usize, limits: &FlightLimits) -> 
             ball(*unit, 2, limits.max_accel_mps2, 0.0);
         }
         let Some(airframe) = &limits.airframe else { continue };
-        let least = limits.min_thrust_n.max(0.05 * limits.max_thrust_n) / airframe.mass_kg;
+        let least = limits.min_thrust_n.max(0.05 * limits.thrust_scale_n()) / airframe.mass_kg;
         for unit in &accelerations {
             ball(*unit, 2, limits.max_thrust_n / airframe.mass_kg, airframe.gravity_mps2);
         }

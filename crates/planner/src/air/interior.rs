@@ -23,6 +23,9 @@ use super::node_form::{Ends, Local};
 use super::piece_cost::{PieceCost, Place, Tighten};
 use super::polytope::Polytope;
 
+/// Stages at most, whatever the settings say.
+const STAGES: usize = 100;
+
 /// How the barrier shrinks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteriorSettings {
@@ -30,7 +33,7 @@ pub struct InteriorSettings {
     pub first_weight: f64,
     /// Weight of the barrier at last, as a share of the cost per piece.
     pub last_weight: f64,
-    /// What one stage leaves of it.
+    /// What one stage leaves of it, below 1.
     pub shrink: f64,
     /// Newton steps in one stage at most.
     pub stage_steps: usize,
@@ -61,40 +64,30 @@ impl Default for InteriorSettings {
 
 /// Nodes and durations of a flight.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Nodes {
+pub(crate) struct Nodes {
     /// Position, velocity, acceleration at every node, start and goal included.
     pub states: Vec<BoundaryState>,
     /// Duration of each piece (s).
     pub durations_s: Vec<f64>,
 }
 
-/// What the method did.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InteriorReport {
-    /// Newton steps.
-    pub steps: usize,
-    /// Evaluations of the barrier, those of Newton steps included.
-    pub evaluations: usize,
-    /// Whether the last stage converged.
-    pub converged: bool,
-}
-
-/// Improves `nodes` for one polytope a piece. `tighten` is taken off every limit and every face: rooms for rounding, and for
-/// what the samples do not see (m, and shares of the limits).
+/// Improves `nodes` for one polytope a piece; the number of Newton steps. `tighten` is taken off every limit and every face: rooms
+/// for rounding, and for what the samples do not see (m, and shares of the limits).
 pub(crate) fn optimise(
     nodes: &mut Nodes,
     corridor: &[&Polytope],
     limits: &FlightLimits,
     tighten: Tighten,
     settings: &InteriorSettings,
-) -> InteriorReport {
+) -> usize {
     let mut solver = Solver::new(nodes, corridor, limits, tighten);
-    let report = solver.run(settings);
+    let steps = solver.run(settings);
     nodes.states.copy_from_slice(&solver.states);
     for (t, theta) in nodes.durations_s.iter_mut().zip(&solver.theta) {
-        *t = theta.exp();
+        // The barrier of the shortest duration gives way by less than its softness.
+        *t = theta.exp().max(limits.min_duration_s);
     }
-    report
+    steps
 }
 
 type Matrix9 = nalgebra::SMatrix<f64, 9, 9>;
@@ -116,7 +109,6 @@ struct Solver<'a> {
     diagonal: Vec<Matrix9>,
     below: Vec<Matrix9>,
     damping: f64,
-    evaluations: usize,
 }
 
 impl<'a> Solver<'a> {
@@ -139,28 +131,25 @@ impl<'a> Solver<'a> {
             diagonal: vec![Matrix9::zeros(); pieces + 1],
             below: vec![Matrix9::zeros(); pieces + 1],
             damping: 0.0,
-            evaluations: 0,
         }
     }
 
-    fn run(&mut self, settings: &InteriorSettings) -> InteriorReport {
+    /// Newton steps of all stages.
+    fn run(&mut self, settings: &InteriorSettings) -> usize {
         let pieces = self.theta.len() as f64;
         let unit = self.limits.time_weight * self.theta.iter().map(|t| t.exp()).sum::<f64>() / pieces;
         let (mut weight, last) = (settings.first_weight * unit, settings.last_weight * unit);
         let mut softness = settings.first_softness;
-        let mut report = InteriorReport { steps: 0, evaluations: 0, converged: false };
-        loop {
+        let mut steps = 0;
+        for _ in 0..STAGES {
             self.cost.barrier = Barrier { weight, softness };
             let is_last = weight <= last && softness <= settings.last_softness;
             // A stage is done when Newton expects to gain less than the barrier's own size.
             let enough = if is_last { settings.last_gain } else { settings.stage_gain } * weight * pieces;
             let mut value = self.value_at(&self.states, &self.theta);
             for _ in 0..settings.stage_steps {
-                report.steps += 1;
-                let Some(decrement) = self.newton() else {
-                    report.evaluations = self.evaluations;
-                    return report;
-                };
+                steps += 1;
+                let Some(decrement) = self.newton() else { return steps };
                 let reached = self.search(value, decrement);
                 let is_done = (0.5 * decrement <= enough && self.damping < 2e-3) || reached.is_none();
                 if let Some(reached) = reached {
@@ -171,13 +160,12 @@ impl<'a> Solver<'a> {
                 }
             }
             if is_last {
-                report.converged = true;
-                report.evaluations = self.evaluations;
-                return report;
+                break;
             }
             weight = (weight * settings.shrink).max(last);
             softness = (softness * settings.shrink).max(settings.last_softness);
         }
+        steps
     }
 
     /// Cost and barrier.
@@ -192,7 +180,6 @@ impl<'a> Solver<'a> {
 
     /// The Newton step; returns minus the slope along it, or `None` if no damping made the system definite.
     fn newton(&mut self) -> Option<f64> {
-        self.evaluations += 1;
         for i in 0..self.theta.len() {
             self.locals[i] = self.cost.expand(&self.place(i), &ends(&self.states, i), self.theta[i]);
         }
@@ -320,7 +307,6 @@ impl<'a> Solver<'a> {
         self.from_theta.copy_from_slice(&self.theta);
         let mut best: Option<f64> = None;
         for _ in 0..40 {
-            self.evaluations += 1;
             for ((to, from), d) in self.trial_states.iter_mut().zip(&self.from_states).zip(&self.step_states) {
                 for k in 0..3 {
                     to[k] = from[k] + d.fixed_rows::<3>(3 * k) * step;

@@ -92,6 +92,14 @@ impl FlightLimits {
         }
         Ok(())
     }
+
+    /// What differences of thrust are measured by (N): the greatest thrust, or twice that of hovering where there is no such limit.
+    pub(crate) fn thrust_scale_n(&self) -> f64 {
+        match &self.airframe {
+            Some(airframe) if !self.max_thrust_n.is_finite() => 2.0 * airframe.mass_kg * airframe.gravity_mps2,
+            _ => self.max_thrust_n,
+        }
+    }
 }
 
 /// Position, velocity and acceleration at one end of a flight.

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::bernstein::QuinticPoints;
 use super::flatness::ThrustAxis;
-use super::limits::{BoundaryState, FlightLimits};
+use super::limits::{BoundaryState, FlightLimits, LimitsError};
 use super::minco::{Minco, MincoError, MincoGradient};
 use super::polytope::{HalfSpace, Polytope};
 use super::proof::rotors_within;
@@ -40,6 +40,33 @@ impl Default for PenaltyWeights {
     }
 }
 
+/// Why a cost was refused.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum PenaltyError {
+    /// The spline cannot be solved.
+    #[error(transparent)]
+    Spline(#[from] MincoError),
+    /// The limits do not hold together.
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
+    /// A piece is to be in a polytope that the corridor does not have.
+    #[error("piece {piece} is to be in polytope {polytope}; the corridor has {count}, counted from 0")]
+    NoPolytope {
+        /// The piece, from 0.
+        piece: usize,
+        /// The polytope it names.
+        polytope: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A place to be in has no vertex, or no positive radius.
+    #[error("place {place} needs at least one vertex, or a positive radius")]
+    NoPlace {
+        /// Its number, from 0.
+        place: usize,
+    },
+}
+
 /// The cost of splines through one corridor; buffers are used again from call to call.
 #[derive(Debug, Clone)]
 pub struct PenalisedSpline<'a> {
@@ -59,10 +86,10 @@ pub struct PenalisedSpline<'a> {
 
 impl<'a> PenalisedSpline<'a> {
     /// For splines of as many pieces as `polytope_of` has entries, piece `i` in `corridor[polytope_of[i]]`. The acceleration
-    /// limit is not looked at.
+    /// limit is not looked at, nor an infinite thrust limit.
     ///
     /// # Errors
-    /// [`MincoError`] if the ends are not finite or there is no piece.
+    /// [`PenaltyError`] if the ends are not finite, there is no piece, limits are refused or a polytope is not there.
     pub fn new(
         head: &BoundaryState,
         tail: &BoundaryState,
@@ -70,7 +97,12 @@ impl<'a> PenalisedSpline<'a> {
         polytope_of: &'a [usize],
         limits: &'a FlightLimits,
         weights: PenaltyWeights,
-    ) -> Result<Self, MincoError> {
+    ) -> Result<Self, PenaltyError> {
+        limits.validate()?;
+        let count = corridor.len();
+        if let Some((piece, &polytope)) = polytope_of.iter().enumerate().find(|(_, k)| **k >= count) {
+            return Err(PenaltyError::NoPolytope { piece, polytope, count });
+        }
         let pieces = polytope_of.len();
         let inner = vec![head[0]; pieces.saturating_sub(1)];
         let spline = Minco::solve(head, tail, &inner, &vec![1.0; pieces])?;
@@ -95,14 +127,17 @@ impl<'a> PenalisedSpline<'a> {
         &self.spline
     }
 
-    /// The cost, and its gradient. Infinite where the spline cannot be solved.
+    /// The cost (m^2/s^5: effort, and time by its weight), and its gradient. Infinite where the spline cannot be solved, and for another
+    /// number of pieces.
     pub fn evaluate(
         &mut self,
         inner_points: &[Vector3<f64>],
         durations_s: &[f64],
         gradient: &mut MincoGradient,
     ) -> f64 {
-        if self.spline.solve_again(&self.head, &self.tail, inner_points, durations_s).is_err() {
+        let is_solved = durations_s.len() == self.polytope_of.len()
+            && self.spline.solve_again(&self.head, &self.tail, inner_points, durations_s).is_ok();
+        if !is_solved {
             return f64::INFINITY;
         }
         self.spline.energy_gradient_into(gradient);
@@ -210,7 +245,8 @@ impl<'a> PenalisedSpline<'a> {
     }
 }
 
-/// Penalties of tilt (`steepest` is the cosine of its limit), rate and thrust; hands on their gradient by axis, turning and thrust if there is any.
+/// Penalties of tilt (`steepest` is the cosine of its limit), rate and thrust; hands on their gradient by axis, turning and thrust
+/// if there is any.
 fn rotor_penalty(
     axis: &ThrustAxis,
     limits: &FlightLimits,
@@ -236,7 +272,8 @@ fn rotor_penalty(
     let (middle, radius) =
         (0.5 * (limits.max_thrust_n + limits.min_thrust_n), 0.5 * (limits.max_thrust_n - limits.min_thrust_n));
     let off = axis.thrust_n - middle;
-    if let Some((value, slope)) = kink(off * off - radius * radius, weights.smoothing) {
+    let beyond = if radius.is_finite() { off * off - radius * radius } else { 0.0 };
+    if let Some((value, slope)) = kink(beyond, weights.smoothing) {
         penalty += weights.thrust * value;
         by_thrust += weights.thrust * slope * 2.0 * off;
     }

@@ -205,7 +205,7 @@ impl<'a> PieceCost<'a> {
                         axis.reverse(airframe, 0.0, &(by_z * scale), &(by_dz * scale))
                     }
                     2 => axis.reverse(airframe, -1.0 / self.limits.max_thrust_n, &zero, &zero),
-                    _ => axis.reverse(airframe, 1.0 / self.limits.max_thrust_n, &zero, &zero),
+                    _ => axis.reverse(airframe, 1.0 / self.limits.thrust_scale_n(), &zero, &zero),
                 };
                 // The slack by the six vectors and theta.
                 let mut row = [Vector3::zeros(); 6];
@@ -245,7 +245,85 @@ impl<'a> PieceCost<'a> {
             axis.z.z - (self.limits.max_tilt_rad * share).cos(),
             RATE_EDGE - (axis.rate_squared() / (rate * rate) + 0.01).sqrt(),
             share - axis.thrust_n / self.limits.max_thrust_n,
-            (axis.thrust_n - self.limits.min_thrust_n) / self.limits.max_thrust_n - self.tighten.rotors,
+            (axis.thrust_n - self.limits.min_thrust_n) / self.limits.thrust_scale_n() - self.tighten.rotors,
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, SVector};
+
+    use super::*;
+    use crate::air::flatness::Airframe;
+
+    type Vector19 = SVector<f64, 19>;
+
+    fn unpack(x: &Vector19) -> (Ends, f64) {
+        (std::array::from_fn(|b| x.fixed_rows::<3>(3 * b).into_owned()), x[18])
+    }
+
+    /// Every barrier is felt here, from inside and from beyond. The Hessian is exact but for the rotors' share.
+    #[test]
+    fn gradient_and_curvature_are_those_of_the_value() {
+        let airframe = Airframe {
+            mass_kg: 0.6,
+            gravity_mps2: 9.8,
+            drag_across: 0.7,
+            drag_along: 0.8,
+            drag_parasitic: 0.05,
+            speed_epsilon: 1e-4,
+        };
+        let polytope = Polytope::from_box(&Point3::new(-1.0, -1.0, -1.0), &Point3::new(1.3, 1.1, 0.9));
+        let x = Vector19::from_fn(|k, _| if k == 18 { -0.2 } else { 0.7 * (1.9 * k as f64 + 0.4).sin() });
+        for airframe in [None, Some(airframe)] {
+            let limits = FlightLimits {
+                max_speed_mps: 1.6,
+                max_accel_mps2: 5.0,
+                airframe,
+                max_tilt_rad: 0.4,
+                max_rate_radps: 1.4,
+                min_thrust_n: 5.4,
+                max_thrust_n: 7.0,
+                min_duration_s: 0.5,
+                time_weight: 20.0,
+            };
+            let mut cost = PieceCost::new(&limits, Tighten { faces_m: 1e-3, motion: 1e-3, rotors: 1e-3 });
+            cost.barrier = Barrier { weight: 3.0, softness: 0.05 };
+            for (is_first, is_last) in [(false, false), (true, false), (false, true)] {
+                let place = Place { polytope: &polytope, is_first, is_last };
+                let value = |x: &Vector19| {
+                    let (ends, theta) = unpack(x);
+                    cost.value(&place, &ends, theta)
+                };
+                let expand = |x: &Vector19| {
+                    let (ends, theta) = unpack(x);
+                    cost.expand(&place, &ends, theta)
+                };
+                let gradient = |x: &Vector19| {
+                    let local = expand(x);
+                    Vector19::from_fn(|k, _| if k == 18 { local.by_theta } else { local.gradient[k / 3][k % 3] })
+                };
+                let local = expand(&x);
+                let exact = gradient(&x);
+                for k in 0..19 {
+                    let step = Vector19::from_fn(|m, _| if m == k { 1e-5 } else { 0.0 });
+                    let slope = (value(&(x + step)) - value(&(x - step))) / 2e-5;
+                    assert!((slope - exact[k]).abs() < 1e-5 * exact.norm(), "{k}: {slope} {}", exact[k]);
+                    if airframe.is_some() {
+                        continue;
+                    }
+                    let column = (gradient(&(x + step)) - gradient(&(x - step))) / 2e-5;
+                    for m in k..19 {
+                        let entry = match (k, m) {
+                            (18, _) => local.theta_theta,
+                            (_, 18) => local.mixed[k / 3][k % 3],
+                            _ => local.hessian[m / 3][k / 3][(m % 3, k % 3)],
+                        };
+                        assert!((column[m] - entry).abs() < 1e-5 * column.norm(), "{k} {m}: {} {entry}", column[m]);
+                    }
+                }
+            }
+        }
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::proof::smaller;
+
 /// The points with `normal . x <= offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfSpace {
@@ -31,9 +33,10 @@ impl Polytope {
         Polytope { faces }
     }
 
-    /// Distance to the nearest face from inside; negative outside (the largest violation). Infinite without faces.
+    /// Distance to the nearest face from inside (m); negative outside (the largest violation). Infinite without faces, NaN if the
+    /// point or a face is not a number.
     pub fn slack(&self, point: &Vector3<f64>) -> f64 {
-        self.faces.iter().map(|f| f.offset_m - f.normal.dot(point)).fold(f64::INFINITY, f64::min)
+        self.faces.iter().map(|f| f.offset_m - f.normal.dot(point)).fold(f64::INFINITY, smaller)
     }
 
     /// Whether the point is inside or on the border.

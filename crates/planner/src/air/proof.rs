@@ -11,19 +11,21 @@ use super::bernstein::{QuinticPoints, ball, halves};
 use super::flatness::{Airframe, ThrustAxis};
 use super::limits::FlightLimits;
 use super::polytope::Polytope;
-use super::trajectory::PolynomialTrajectory;
+use super::trajectory::{Piece, PolynomialTrajectory};
 
 /// Rounding allowed on limits and faces: metres, m/s, m/s^2, rad, N, rad/s.
 pub const PROOF_TOL: f64 = 1e-9;
+/// Leap allowed where pieces join: rounding of positions (m), velocities (m/s) and accelerations (m/s^2).
+const JOINT_TOL: f64 = 1e-6;
 /// Halvings of a piece before polynomial limits are called unproved.
 pub(crate) const POLYNOMIAL_DEPTH: u32 = 10;
 /// Halvings before limits of the rotors are: the bounds close in linearly.
 const ROTOR_DEPTH: u32 = 14;
 
-/// Proved bounds of a whole flight. `holds` says that all of them are within the limits.
+/// Proved bounds of a whole flight (m, m/s, m/s^2, rad, rad/s, N).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightProof {
-    /// Whether every limit holds at every instant.
+    /// Whether every limit holds at every instant, the shortest duration for every piece, and the pieces join.
     pub holds: bool,
     /// Least distance to the faces of the piece's own polytope; negative outside.
     pub corridor_slack_m: f64,
@@ -67,13 +69,14 @@ impl FlightProof {
             speed_mps: beyond(self.max_speed_mps - limits.max_speed_mps),
             accel_mps2: beyond(self.max_accel_mps2 - limits.max_accel_mps2),
             tilt_rad: beyond(self.max_tilt_rad - limits.max_tilt_rad),
-            thrust_n: beyond((self.max_thrust_n - limits.max_thrust_n).max(limits.min_thrust_n - self.min_thrust_n)),
+            thrust_n: beyond(larger(self.max_thrust_n - limits.max_thrust_n, limits.min_thrust_n - self.min_thrust_n)),
             rate_radps: beyond(self.max_rate_radps - limits.max_rate_radps),
         }
     }
 }
 
-/// Checks each piece `i` against `corridor[polytope_of[i]]` and every limit. Bounds are as tight as needed to decide.
+/// Checks each piece `i` against `corridor[polytope_of[i]]` and every limit, and that the pieces join without a leap of position,
+/// velocity or acceleration (a leap of the last would be a body rate without bound). Bounds are as tight as needed to decide.
 pub fn prove(
     trajectory: &PolynomialTrajectory,
     corridor: &[Polytope],
@@ -81,7 +84,11 @@ pub fn prove(
     limits: &FlightLimits,
 ) -> FlightProof {
     let mut proof = FlightProof {
-        holds: !trajectory.pieces.is_empty() && polytope_of.len() == trajectory.pieces.len(),
+        holds: limits.validate().is_ok()
+            && !trajectory.pieces.is_empty()
+            && polytope_of.len() == trajectory.pieces.len()
+            && trajectory.pieces.iter().all(|p| p.duration_s >= limits.min_duration_s)
+            && trajectory.pieces.windows(2).all(|pair| joins(&pair[0], &pair[1])),
         corridor_slack_m: f64::INFINITY,
         max_speed_mps: 0.0,
         max_accel_mps2: 0.0,
@@ -115,6 +122,13 @@ pub fn prove(
     let excess = [v.corridor_m, v.speed_mps, v.accel_mps2, v.tilt_rad, v.thrust_n, v.rate_radps];
     proof.holds &= excess.iter().all(|e| *e == 0.0);
     proof
+}
+
+/// Whether one piece goes on where the other ends, up to `JOINT_TOL` and rounding.
+fn joins(before: &Piece, after: &Piece) -> bool {
+    let (end, start) = (before.sample(before.duration_s), after.sample(0.0));
+    let near = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() <= JOINT_TOL * (1.0 + b.norm());
+    near(&end.p.coords, &start.p.coords) && near(&end.v, &start.v) && near(&end.a, &start.a)
 }
 
 /// An upper bound of a convex function over a Bernstein curve: its largest value on the points, halved while the bound is
@@ -230,7 +244,7 @@ fn rotor_bounds(motion: &Motion, airframe: &Airframe) -> (RotorBounds, RotorBoun
         return (bounds, value);
     }
     let image = (0.5 * tilt).tan();
-    let twist = (value.rate * value.rate - dz * dz).max(0.0).sqrt();
+    let twist = axis.twist().abs();
     let twist_r = image * dz_r + angle / (1.0 + steepest.cos()) * (dz + dz_r);
     let bounds = RotorBounds {
         tilt: steepest,
@@ -247,6 +261,6 @@ pub(crate) fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// Minimum that keeps NaN.
-fn smaller(a: f64, b: f64) -> f64 {
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     -larger(-a, -b)
 }

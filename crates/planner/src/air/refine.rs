@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::certificate::{Certificate, bound, certify};
 use super::config::AirConfig;
 use super::corridor::deep_point;
+use super::limits::BoundaryState;
 use super::minco::Minco;
 use super::polytope::Polytope;
 use super::trajectory::{Piece, PolynomialTrajectory};
@@ -21,9 +22,6 @@ const CAUTION: f64 = 1.25;
 /// Rounds of trying shorter durations on a trajectory that holds.
 const SHRINK_ROUNDS: usize = 3;
 
-/// Boundary states: position, velocity, acceleration.
-pub(crate) type State = [Vector3<f64>; 3];
-
 /// A trajectory with the polytope of each piece and its proof.
 #[derive(Debug, Clone)]
 pub(crate) struct Refined {
@@ -35,7 +33,7 @@ pub(crate) struct Refined {
 /// Flies `route` (its first point is the head's position) through `corridor`, one polytope per leg, to rest.
 /// `None` if not even stop-and-go is certified, which can only be because the start moves.
 pub(crate) fn refine(
-    head: &State,
+    head: &BoundaryState,
     route: &[Vector3<f64>],
     corridor: &[Polytope],
     clearance_m: f64,
@@ -91,8 +89,8 @@ impl Knots {
 
     fn solve(
         &self,
-        head: &State,
-        tail: &State,
+        head: &BoundaryState,
+        tail: &BoundaryState,
         times: &[f64],
         corridor: &[Polytope],
         clearance_m: f64,
@@ -108,8 +106,8 @@ impl Knots {
     /// Slows down the pieces that are too fast until speed and acceleration hold; reports pieces that leave the corridor.
     fn stretch(
         &self,
-        head: &State,
-        tail: &State,
+        head: &BoundaryState,
+        tail: &BoundaryState,
         corridor: &[Polytope],
         clearance_m: f64,
         config: &AirConfig,
@@ -163,8 +161,8 @@ impl Knots {
     #[allow(clippy::too_many_arguments)]
     fn shrink(
         &self,
-        head: &State,
-        tail: &State,
+        head: &BoundaryState,
+        tail: &BoundaryState,
         corridor: &[Polytope],
         clearance_m: f64,
         config: &AirConfig,
@@ -223,7 +221,7 @@ fn trapezoid_times(points: &[Vector3<f64>], start_speed: f64, config: &AirConfig
 /// Straight legs, each from rest to rest: inside every convex corridor that holds the legs. A moving start first
 /// brakes on a straight line, if the first polytope has room for it.
 fn stop_and_go(
-    head: &State,
+    head: &BoundaryState,
     route: &[Vector3<f64>],
     corridor: &[Polytope],
     clearance_m: f64,

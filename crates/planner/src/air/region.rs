@@ -11,8 +11,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::ellipsoid::inscribed_ellipsoid;
 use super::polytope::{HalfSpace, Polytope};
 
-/// Rounds of choosing planes; the volume hardly grows after the second.
-const ROUNDS: usize = 2;
 /// The line keeps at least this share of its distance to a cube from the plane before that cube: thin joints cannot be flown.
 const CLEAR_SHARE: f64 = 0.4;
 /// Radius of the first ellipsoid across the line, as a share of its half length, and at least (m).
@@ -20,7 +18,7 @@ const FIRST_WIDTH: f64 = 0.4;
 const FIRST_WIDTH_M: f64 = 0.5;
 
 /// The region round segment `a`-`b` inside `around`, given the centres of the occupied voxels near it. `None` if a voxel comes
-/// nearer to the line than `least_m`.
+/// nearer to the line than `least_m`, or if a number is not finite or the edge of a voxel, `voxel_m`, not positive.
 pub fn region(
     a: &Vector3<f64>,
     b: &Vector3<f64>,
@@ -29,35 +27,22 @@ pub fn region(
     voxel_m: f64,
     least_m: f64,
 ) -> Option<Polytope> {
+    let is_known = voxels.iter().chain([a, b]).all(|p| p.iter().all(|x| x.is_finite()));
+    if !(is_known && voxel_m > 0.0 && voxel_m.is_finite()) {
+        return None;
+    }
     let half = 0.5 * voxel_m;
     let length = (b - a).norm();
     let along = if length > 1e-9 { (b - a) / length } else { Vector3::x() };
     let (ahead, across) = (0.5 * length + FIRST_WIDTH_M, (FIRST_WIDTH * 0.5 * length).max(FIRST_WIDTH_M));
-    let mut shape = Matrix3::identity() * across + along * along.transpose() * (ahead - across);
-    let mut centre = (a + b) * 0.5;
-    let mut best: Option<(Polytope, f64)> = None;
-    for round in 0..ROUNDS {
-        let polytope = planes(a, b, around, voxels, half, least_m, &centre, &shape)?;
-        if round + 1 == ROUNDS && best.is_none() {
-            return Some(polytope);
-        }
-        let Some(ellipsoid) = inscribed_ellipsoid(&polytope) else { return Some(polytope) };
-        let volume = ellipsoid.volume();
-        if best.as_ref().is_some_and(|b| volume <= b.1) {
-            break;
-        }
-        (centre, shape) = (ellipsoid.centre, ellipsoid.shape);
-        best = Some((polytope, volume));
-        if round + 2 == ROUNDS {
-            // The last planes are chosen by this ellipsoid and hold at least it.
-            let last = planes(a, b, around, voxels, half, least_m, &centre, &shape);
-            return last.or(best.map(|b| b.0));
-        }
-    }
-    best.map(|b| b.0)
+    let shape = Matrix3::identity() * across + along * along.transpose() * (ahead - across);
+    let first = planes(a, b, around, voxels, half, least_m, &((a + b) * 0.5), &shape)?;
+    let Some(ellipsoid) = inscribed_ellipsoid(&first) else { return Some(first) };
+    // The volume hardly grows after this second choice.
+    planes(a, b, around, voxels, half, least_m, &ellipsoid.centre, &ellipsoid.shape).or(Some(first))
 }
 
-/// One round: nearest cube first, each plane drops all the cubes it parts.
+/// One choice: nearest cube first, each plane drops all the cubes it parts.
 #[allow(clippy::too_many_arguments)]
 fn planes(
     a: &Vector3<f64>,

@@ -13,7 +13,7 @@ use super::diffeomorphism::{
 use super::lbfgs::{LbfgsReport, LbfgsSettings, minimise};
 use super::limits::{BoundaryState, FlightLimits};
 use super::minco::{Minco, MincoError, MincoGradient};
-use super::penalty::{PenalisedSpline, PenaltyWeights};
+use super::penalty::{PenalisedSpline, PenaltyError, PenaltyWeights};
 use super::polytope::Polytope;
 
 /// Where an inner point may be.
@@ -31,6 +31,13 @@ pub enum Place {
 }
 
 impl Place {
+    fn is_somewhere(&self) -> bool {
+        match self {
+            Place::Hull(vertices) => !vertices.is_empty(),
+            Place::Ball { radius_m, .. } => *radius_m > 0.0,
+        }
+    }
+
     fn size(&self) -> usize {
         match self {
             Place::Hull(vertices) => vertices.len(),
@@ -67,7 +74,7 @@ impl Place {
 pub struct Shape {
     /// The spline.
     pub spline: Minco<3>,
-    /// Effort, time and penalties.
+    /// How the optimiser ended; its cost is effort, time and penalties.
     pub report: LbfgsReport,
 }
 
@@ -75,7 +82,7 @@ pub struct Shape {
 /// `durations_s` are where to begin.
 ///
 /// # Errors
-/// [`MincoError`] for wrong lengths and numbers that are not finite.
+/// [`PenaltyError`].
 #[allow(clippy::too_many_arguments)]
 pub fn shape(
     head: &BoundaryState,
@@ -88,10 +95,17 @@ pub fn shape(
     limits: &FlightLimits,
     weights: &PenaltyWeights,
     settings: &LbfgsSettings,
-) -> Result<Shape, MincoError> {
+) -> Result<Shape, PenaltyError> {
     let pieces = durations_s.len();
     if places.len() + 1 != pieces || points.len() != places.len() || polytope_of.len() != pieces {
-        return Err(MincoError::WrongLength { pieces, inner: points.len() });
+        return Err(MincoError::WrongLength { pieces, inner: points.len() }.into());
+    }
+    let is_finite = points.iter().flatten().chain(durations_s).all(|x| x.is_finite());
+    if !is_finite {
+        return Err(MincoError::NotFinite.into());
+    }
+    if let Some(place) = places.iter().position(|place| !place.is_somewhere()) {
+        return Err(PenaltyError::NoPlace { place });
     }
     let mut cost = PenalisedSpline::new(head, tail, corridor, polytope_of, limits, *weights)?;
     // Free numbers: one for each duration, then those of the places.

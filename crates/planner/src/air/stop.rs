@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::bernstein::QuinticPoints;
 use super::minco::Minco;
 use super::trajectory::{Piece, PolynomialTrajectory};
 
@@ -18,9 +19,9 @@ pub(crate) fn stop_piece(head: &[Vector3<f64>; 3], max_accel_mps2: f64) -> Piece
     let mut duration_s = (head[1].norm() / limit).max(0.2);
     let mut piece = piece_of(head, duration_s);
     for _ in 0..24 {
-        let points = piece.control_points(2);
-        // The first control point is the start's own acceleration.
-        if points[1..].iter().all(|a| a.norm() <= limit) {
+        // The first Bernstein point is the start's own acceleration.
+        let points = QuinticPoints::new(&piece.coefficients, duration_s);
+        if points.is_some_and(|points| points.acceleration[1..].iter().all(|a| a.norm() <= limit)) {
             break;
         }
         duration_s *= 1.12;

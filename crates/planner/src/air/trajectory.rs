@@ -1,4 +1,4 @@
-//! Piecewise polynomial trajectories, and the Bernstein form that bounds a piece by its control points.
+//! Piecewise polynomial trajectories.
 
 use nalgebra::{Point3, Vector3};
 
@@ -71,29 +71,6 @@ impl Piece {
         let at = |k| derivative(&self.coefficients, k, t_s);
         TrajectoryPoint { p: Point3::from(at(0)), v: at(1), a: at(2), jerk: at(3) }
     }
-
-    /// Bernstein control points of the k-th derivative over the whole piece: the curve lies in their convex hull.
-    pub fn control_points(&self, k: usize) -> Vec<Vector3<f64>> {
-        let degree = self.coefficients.len().saturating_sub(1);
-        if k > degree {
-            return vec![Vector3::zeros()];
-        }
-        // Powers of u = t / T of the derivative, then power basis -> Bernstein basis: b_i = sum_j C(i,j)/C(n,j) a_j.
-        let n = degree - k;
-        let powers: Vec<Vector3<f64>> = (0..=n)
-            .map(|j| {
-                let factor: f64 = (j + 1..=j + k).map(|m| m as f64).product();
-                self.coefficients[j + k] * (factor * self.duration_s.powi(j as i32))
-            })
-            .collect();
-        (0..=n)
-            .map(|i| (0..=i).fold(Vector3::zeros(), |sum, j| sum + powers[j] * (binomial(i, j) / binomial(n, j))))
-            .collect()
-    }
-}
-
-fn binomial(n: usize, k: usize) -> f64 {
-    (0..k).map(|i| (n - i) as f64 / (i + 1) as f64).product()
 }
 
 #[cfg(test)]
@@ -103,16 +80,6 @@ mod tests {
     fn piece() -> Piece {
         let c = |k: usize| Vector3::new(k as f64 - 2.0, 0.5 * k as f64, -(k as f64) * 0.3);
         Piece { duration_s: 1.7, coefficients: (0..6).map(c).collect() }
-    }
-
-    #[test]
-    fn control_points_begin_and_end_on_the_curve() {
-        let p = piece();
-        for k in 0..3 {
-            let points = p.control_points(k);
-            assert!((points[0] - derivative(&p.coefficients, k, 0.0)).norm() < 1e-12);
-            assert!((points[points.len() - 1] - derivative(&p.coefficients, k, 1.7)).norm() < 1e-9);
-        }
     }
 
     #[test]
