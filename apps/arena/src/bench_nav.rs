@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::cli::word;
 use crate::progress::ProgressView;
-use crate::run::{RunConfig, run};
+use crate::run::{RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scenario, draw_scenario};
 use crate::summary::Summary;
@@ -146,13 +146,15 @@ fn one_run(
     };
     let Scenario { scene, task, start, seed: run_seed, is_target_visible, has_rival, shortest_m, rooms } = scenario;
     let facts = Facts { rooms, kind: kind_word(&task), is_target_visible, has_rival, shortest_m };
-    let result = run(config, robot, &scene, &task, &start, None, run_seed, stop, &mut |_| {});
+    let (scene, task, start) = (&scene, &task, &start);
+    let setup = Setup { config, robot, scene, task, start, known: None, seed: run_seed, vehicle: None };
+    let result = run(setup, stop, &mut |_| {});
     let summary = match result {
         Ok(result) => {
             let summary = result.summary.clone();
             if let Some(folder) = keep {
                 let written = RunFolder::new(&folder.join(format!("{}-{seed}-{index:03}", word(kind))))
-                    .and_then(|folder| write_run(&folder, &result, &scene, &task).map(|()| folder))
+                    .and_then(|folder| write_run(&folder, &result, scene, task).map(|()| folder))
                     .and_then(RunFolder::publish);
                 if let Err(error) = written {
                     return (failed(format!("the run folder could not be written: {error:#}")), Some(facts));

@@ -12,11 +12,10 @@ use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates}
 
 use crate::options::Options;
 use crate::progress::ProgressView;
-use crate::run::{Progress, RunConfig, run_with};
+use crate::run::{Progress, RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scene, draw_start, robot_truth};
 use crate::task::Task;
-use crate::vehicle::{Vehicle, open_vehicle};
 use crate::write_run::write_run;
 
 /// Whole program of a reference robot. `default_scene` is the named scene used without `--scene`.
@@ -77,15 +76,26 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
-    let mut vehicle = open_vehicle(options, &robot, &start, &stop)?;
+    #[cfg(feature = "px4")]
+    let mut vehicle = crate::px4_vehicle::Px4Vehicle::open(&options.px4, &robot, &start, &stop)?;
+    #[cfg(not(feature = "px4"))]
+    let mut vehicle = None;
 
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
     let view = ProgressView::new(config.max_time_s as u64, "{elapsed_precise} {spinner} {wide_msg}", options.quiet);
     // An error ends the run here; the vehicle, dropped, has itself landed.
-    let body = vehicle.as_mut().map(|vehicle| &mut **vehicle as &mut dyn Vehicle);
-    let mut report = |progress: &Progress| show(&view, progress);
-    let result = run_with(body, &config, &robot, &scene, &task, &start, known, options.seed, &stop, &mut report)?;
+    let setup = Setup {
+        config: &config,
+        robot: &robot,
+        scene: &scene,
+        task: &task,
+        start: &start,
+        known,
+        seed: options.seed,
+        vehicle: vehicle.as_mut(),
+    };
+    let result = run(setup, &stop, &mut |progress| show(&view, progress))?;
     view.finish();
 
     write_run(&folder, &result, &scene, &task)?;

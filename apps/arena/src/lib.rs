@@ -19,7 +19,6 @@ pub mod map_score;
 pub mod options;
 pub mod pilot;
 pub mod progress;
-#[cfg(feature = "px4")]
 pub mod px4_vehicle;
 pub mod record;
 pub mod record_topics;
@@ -36,7 +35,6 @@ pub mod surround;
 pub mod survey;
 pub mod task;
 pub mod tour;
-pub mod vehicle;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use clap::{Parser, ValueEnum};
+use clap::{Args, Parser, ValueEnum};
+use mission::px4::Px4Address;
 
 /// How the LiDAR is mounted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -85,20 +86,10 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = LidarMount::Rotating)]
     pub lidar: LidarMount,
 
-    /// Fly with a PX4 autopilot, in real time: udpout:HOST:PORT sends to it, udpin:HOST:PORT waits for it
+    /// An autopilot in place of the simulated body.
     #[cfg(feature = "px4")]
-    #[arg(long, value_name = "ADDRESS")]
-    pub px4: Option<mission::px4::Px4Address>,
-
-    /// MAVLink system id of that autopilot
-    #[cfg(feature = "px4")]
-    #[arg(long, value_name = "ID", default_value_t = 1, requires = "px4", value_parser = clap::value_parser!(u8).range(1..))]
-    pub px4_system: u8,
-
-    /// Sign every frame, and demand signatures, with the key in FILE: 64 hexadecimal digits
-    #[cfg(feature = "px4")]
-    #[arg(long, value_name = "FILE", requires = "px4")]
-    pub px4_key: Option<PathBuf>,
+    #[command(flatten)]
+    pub px4: Px4Options,
 
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
@@ -107,6 +98,22 @@ pub struct Options {
     /// No progress, only the result
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// The autopilot that flies.
+#[derive(Debug, Clone, Args)]
+pub struct Px4Options {
+    /// Fly with a PX4 autopilot, in real time: udpout:HOST:PORT sends to it, udpin:HOST:PORT waits for it
+    #[arg(long = "px4", value_name = "ADDRESS")]
+    pub address: Option<Px4Address>,
+
+    /// MAVLink system id of that autopilot
+    #[arg(long = "px4-system", value_name = "ID", default_value_t = 1, requires = "address", value_parser = clap::value_parser!(u8).range(1..))]
+    pub system_id: u8,
+
+    /// Sign every frame, and demand signatures, with the key in FILE: 64 hexadecimal digits
+    #[arg(long = "px4-key", value_name = "FILE", requires = "address")]
+    pub key: Option<PathBuf>,
 }
 
 /// A pose on the command line: x, y, z in metres, yaw in degrees (turned into radians).

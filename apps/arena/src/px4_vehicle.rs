@@ -19,8 +19,7 @@ use mission::stream::Command;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use omni_sim::towed::ToldPose;
 
-use crate::options::Options;
-use crate::vehicle::Vehicle;
+use crate::options::Px4Options;
 
 /// An autopilot must be ready within this.
 const READY: Duration = Duration::from_secs(10);
@@ -52,16 +51,16 @@ impl Px4Vehicle {
     /// # Errors
     /// Why it does not answer, or cannot be used.
     pub fn open(
-        options: &Options,
+        options: &Px4Options,
         robot: &RobotModel,
         start: &Isometry3<f64>,
         stop: &Arc<AtomicBool>,
     ) -> Result<Option<Px4Vehicle>> {
-        let Some(address) = options.px4 else { return Ok(None) };
+        let Some(address) = options.address else { return Ok(None) };
         if robot.kind != RobotKind::Aerial {
             bail!("--px4 flies, and {} is no flying robot: use omnivln-aerial", robot.name);
         }
-        let key = options.px4_key.as_deref().map(|file| {
+        let key = options.key.as_deref().map(|file| {
             let text = std::fs::read_to_string(file).with_context(|| format!("reading {}", file.display()))?;
             SigningKey::from_hex(&text).with_context(|| format!("reading the key in {}", file.display()))
         });
@@ -72,7 +71,7 @@ impl Px4Vehicle {
             max_yaw_rate_radps: limits.max_yaw_rate_radps,
             ..StreamConfig::default()
         };
-        let session = SessionConfig { system_id: options.px4_system, stream, ..SessionConfig::default() };
+        let session = SessionConfig { system_id: options.system_id, stream, ..SessionConfig::default() };
         let link = Px4Link::open(&Px4Config { address, session, key: key.transpose()? })?;
         let standing = link.wait_until_ready(READY, stop)?;
         let yaw = |pose: &Isometry3<f64>| pose.rotation.euler_angles().2;
@@ -90,17 +89,8 @@ impl Px4Vehicle {
         }))
     }
 
-    fn in_the_building(&self, pose: &VehiclePose) -> ToldPose {
-        ToldPose {
-            world_from_body: self.truth_from_local * pose.world_from_body,
-            velocity_world: self.truth_from_local * pose.velocity_in_world_mps,
-            angular_velocity_body: pose.angular_velocity_in_body_radps,
-        }
-    }
-}
-
-impl Vehicle for Px4Vehicle {
-    fn pose_when_due(&mut self, stamp: Stamp) -> ToldPose {
+    /// Waits until it is `stamp` on the run's clock, and says where in the building the body is then.
+    pub fn pose_when_due(&mut self, stamp: Stamp) -> ToldPose {
         if !self.is_begun {
             (self.is_begun, self.zero_ns) = (true, self.link.now_ns() - stamp.0);
         }
@@ -117,7 +107,11 @@ impl Vehicle for Px4Vehicle {
         self.last
     }
 
-    fn obey(&mut self, stamp: Stamp, command: &Command, mission: &Mission) -> Result<()> {
+    /// Takes the mission's command of a time, and what its odometry believes.
+    ///
+    /// # Errors
+    /// Why the vehicle obeys no more.
+    pub fn obey(&mut self, stamp: Stamp, command: &Command, mission: &Mission) -> Result<()> {
         let at_ns = self.zero_ns + stamp.0;
         let odometry = mission.odometry();
         if let Some(odometry) = odometry {
@@ -136,11 +130,16 @@ impl Vehicle for Px4Vehicle {
         }
     }
 
-    fn land(&mut self) -> Result<()> {
+    /// Brings it down and waits until it stands with motors off.
+    ///
+    /// # Errors
+    /// Why that did not happen.
+    pub fn land(&mut self) -> Result<()> {
         Ok(self.link.land(LANDING)?)
     }
 
-    fn account(&self) -> String {
+    /// One sentence with figures for the report.
+    pub fn account(&self) -> String {
         let lost_s = self.lost_ns as f64 * 1e-9;
         let verdict = if lost_s > TOO_SLOW_S {
             ": this machine is too slow or too busy for it, and set-points stalled"
@@ -148,5 +147,13 @@ impl Vehicle for Px4Vehicle {
             ""
         };
         format!("flown by a PX4 autopilot in real time; the run fell behind the clock by {lost_s:.1} s in all{verdict}")
+    }
+
+    fn in_the_building(&self, pose: &VehiclePose) -> ToldPose {
+        ToldPose {
+            world_from_body: self.truth_from_local * pose.world_from_body,
+            velocity_world: self.truth_from_local * pose.velocity_in_world_mps,
+            angular_velocity_body: pose.angular_velocity_in_body_radps,
+        }
     }
 }

@@ -25,12 +25,12 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
+use crate::px4_vehicle::Px4Vehicle;
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
-use crate::vehicle::Vehicle;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -147,36 +147,32 @@ const STEP_NS: i64 = 20_000_000;
 /// The robot stands still this long after it said stop, so that a swing or a slide still counts.
 const SETTLE_S: f64 = 0.6;
 
-/// Runs one mission in the simulator. `stop` is looked at once per control period.
-#[allow(clippy::too_many_arguments)] // one for each thing that decides the run
-pub fn run(
-    config: &RunConfig,
-    robot: &RobotModel,
-    scene: &Scene,
-    task: &Task,
-    start: &Isometry3<f64>,
-    known: Option<Known>,
-    seed: u64,
-    stop: &Arc<AtomicBool>,
-    report: &mut dyn FnMut(&Progress),
-) -> Result<RunResult> {
-    run_with(None, config, robot, scene, task, start, known, seed, stop, report)
+/// What decides a run.
+pub struct Setup<'a> {
+    /// Settings.
+    pub config: &'a RunConfig,
+    /// Who runs.
+    pub robot: &'a RobotModel,
+    /// Where.
+    pub scene: &'a Scene,
+    /// What for.
+    pub task: &'a Task,
+    /// Pose of the body in the building at the start.
+    pub start: &'a Isometry3<f64>,
+    /// What an earlier run found out.
+    pub known: Option<Known>,
+    /// Seed of noise and drift.
+    pub seed: u64,
+    /// Flies in place of the simulated body, in real time: building and sensors are simulated where it is.
+    pub vehicle: Option<&'a mut Px4Vehicle>,
 }
 
-/// Runs one mission whose body is not simulated, if there is a `vehicle`: building and sensors are, where it is.
-#[allow(clippy::too_many_arguments)] // as above
-pub fn run_with(
-    mut vehicle: Option<&mut dyn Vehicle>,
-    config: &RunConfig,
-    robot: &RobotModel,
-    scene: &Scene,
-    task: &Task,
-    start: &Isometry3<f64>,
-    known: Option<Known>,
-    seed: u64,
-    stop: &Arc<AtomicBool>,
-    report: &mut dyn FnMut(&Progress),
-) -> Result<RunResult> {
+/// Runs one mission. `stop` is looked at once per control period.
+///
+/// # Errors
+/// What cannot be set up, and a simulation that breaks. A flight that ends early is a result.
+pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Progress)) -> Result<RunResult> {
+    let Setup { config, robot, scene, task, start, known, seed, mut vehicle } = setup;
     let (wall, cpu) = (Instant::now(), config.cpu_scope.now());
     let upright;
     let robot = if config.simulation.is_lidar_fixed {

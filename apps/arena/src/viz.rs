@@ -423,7 +423,7 @@ mod tests {
 
     use super::*;
     use crate::referee::Referee;
-    use crate::run::{RunConfig, run};
+    use crate::run::{RunConfig, Setup, run};
     use crate::scenario::{draw_start, robot_truth};
     use crate::task::Task;
 
@@ -435,7 +435,9 @@ mod tests {
         let task = Task::read("find the mug near the sink", &scene.building).unwrap();
         let truth = robot_truth(&robot, config.mission.flight_height_m);
         let start = draw_start(&Referee::new(&scene.building, &scene.world, truth, 0), &robot, 0).unwrap();
-        let result = run(&config, &robot, &scene, &task, &start, None, 0, &Arc::default(), &mut |_| ()).unwrap();
+        let (config, robot, task, start) = (&config, &robot, &task, &start);
+        let setup = Setup { config, robot, scene: &scene, task, start, known: None, seed: 0, vehicle: None };
+        let result = run(setup, &Arc::default(), &mut |_| ()).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("recording.rrd");
         write_recording(&path, &result, &scene).unwrap();

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use arena::mission::archive::{Known, load, save};
 use arena::mission::mission::Outcome;
 use arena::mission::robot_model::RobotKind;
-use arena::run::{RunConfig, RunResult, run};
+use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::Scene;
 use arena::task::Task;
 use nalgebra::Isometry3;
@@ -28,7 +28,8 @@ fn run_anywhere(config: &RunConfig, kind: RobotKind, scene: &Scene, text: &str, 
     let from = start(scene, &robot, config, seed);
     let task = Task::read(text, &scene.building).expect("the referee understands the sentence");
     let stop = Arc::new(AtomicBool::new(false));
-    run(config, &robot, scene, &task, &from, Some(known), seed, &stop, &mut |_| {}).expect("the run can be set up")
+    let (robot, task, start, known) = (&robot, &task, &from, Some(known));
+    run(Setup { config, robot, scene, task, start, known, seed, vehicle: None }, &stop, &mut |_| {}).expect("the run can be set up")
 }
 
 /// How far the robot was off when it found itself: metres and radians. The map is as true as the earlier odometry was.

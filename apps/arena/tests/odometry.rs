@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use arena::mission::robot_model::{RobotKind, RobotModel};
-use arena::run::{RunConfig, RunResult, run};
+use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::draw_scenario;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use support::{scene, short_run};
@@ -61,8 +61,9 @@ fn a_flying_robot_starts_in_a_closet() {
     let config = RunConfig { max_time_s: 7.0, ..RunConfig::default() };
     let drawn = draw_scenario(2, 19, &robot, config.mission.flight_height_m).expect("it was drawn before");
     let stop = Arc::new(AtomicBool::new(false));
-    let run = run(&config, &robot, &drawn.scene, &drawn.task, &drawn.start, None, drawn.seed, &stop, &mut |_| {});
-    let result = run.expect("it runs");
+    let (scene, task, start, seed) = (&drawn.scene, &drawn.task, &drawn.start, drawn.seed);
+    let setup = Setup { config: &config, robot: &robot, scene, task, start, known: None, seed, vehicle: None };
+    let result = run(setup, &stop, &mut |_| {}).expect("it runs");
     assert_eq!(result.summary.collisions, 0, "{}", result.summary.reason);
     let height_m = result.truth.poses.last().expect("poses").1.translation.vector.z - drawn.start.translation.vector.z;
     assert!(height_m > 0.5, "it flies: {height_m} m");

@@ -36,7 +36,6 @@ pub mod openai;
 pub mod overhead;
 pub mod perspective_crop;
 pub mod posed_scans;
-#[cfg(feature = "px4")]
 pub mod px4;
 pub mod reach;
 pub mod reasoning;

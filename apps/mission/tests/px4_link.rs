@@ -1,5 +1,4 @@
 //! The link over real sockets and in real time, against the model of PX4 that judges the state machine's own tests.
-#![cfg(feature = "px4")]
 
 #[path = "../../../crates/robot-link/tests/support/mod.rs"]
 mod support;

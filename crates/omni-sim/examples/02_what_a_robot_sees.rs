@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut imu = Imu::new(ImuConfig::default(), Isometry3::translation(0.0, 0.0, 0.05))?;
     let mut forces = Vec::new();
     for i in 0..=end_ns / 5_000_000 {
-        forces.push(imu.sample(&base, i * 5_000_000)?.specific_force_mps2.z);
+        forces.push(imu.sample(base.track(), i * 5_000_000)?.specific_force_mps2.z);
     }
     let (low, high) = forces.iter().fold((f64::MAX, f64::MIN), |(l, h), f| (l.min(*f), h.max(*f)));
     println!("The accelerometer's z read {low:.1} to {high:.1} m/s^2 around 9.81.");
@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // 5. The LiDAR measures while it moves: freeze the pose at the scan's start and the points are off.
     let mount = RotatingMount::rotating(Isometry3::translation(0.0, 0.0, 0.3));
     let start_ns = (end_ns / 2).min(SECOND);
-    let record = scan(&world, &base, &mount, &LidarConfig::default(), start_ns)?;
+    let record = scan(&world, base.track(), &mount, &LidarConfig::default(), start_ns)?;
     let place = |stamp_ns| base.at(stamp_ns).world_from_body * mount.body_from_sensor(stamp_ns);
     let off: f64 = record
         .points
@@ -101,7 +101,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // 6. The panorama and what a segmenter makes of it.
     let camera = Isometry3::translation(0.0, 0.0, 0.42);
     let (view, segmenter) = (PanoramaConfig::default(), SegmenterConfig::default());
-    let (picture, truth) = capture_with_truth(&world, &base, &camera, &view, &segmenter, start_ns)?;
+    let (picture, truth) = capture_with_truth(&world, base.track(), &camera, &view, &segmenter, start_ns)?;
     println!(
         "The picture has {} pixels from {} rays; the segmenter found {} masks:",
         truth.instances.len(),
@@ -114,7 +114,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // 7. The same without noise: what it missed or made up.
     let quiet = SegmenterConfig { noise_scale: 0.0, ..segmenter };
-    let (honest, _) = capture_with_truth(&world, &base, &camera, &view, &quiet, start_ns)?;
+    let (honest, _) = capture_with_truth(&world, base.track(), &camera, &view, &quiet, start_ns)?;
     println!("Without noise there are {} masks.", honest.masks.len());
 
     let file = args.get(1).map_or_else(|| std::env::temp_dir().join("omni-sim-panorama.ppm"), |f| f.into());

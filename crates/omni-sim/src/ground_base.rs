@@ -259,16 +259,6 @@ impl GroundBase {
     }
 }
 
-impl Motion for GroundBase {
-    fn at(&self, stamp_ns: i64) -> KinematicState {
-        self.track.at(stamp_ns)
-    }
-
-    fn span_ns(&self) -> (i64, i64) {
-        self.track.span_ns()
-    }
-}
-
 struct FollowLimits {
     max_accel: f64,
     max_jerk: f64,

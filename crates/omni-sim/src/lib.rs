@@ -34,7 +34,7 @@
 //! let mut base = GroundBase::new(GroundBaseConfig::default(), 0, (start.x, start.y, 0.0), 0.0)?;
 //! base.step(0.5, &VelocityCommand { forward_mps: 0.5, ..Default::default() }, None)?;
 //! let mount = RotatingMount::rotating(Isometry3::translation(0.0, 0.0, 0.3));
-//! let record = scan(&world, &base, &mount, &LidarConfig::default(), 300_000_000)?;
+//! let record = scan(&world, base.track(), &mount, &LidarConfig::default(), 300_000_000)?;
 //! assert!(record.points.len() > 30_000); // indoors nearly each of the 32 x 1024 rays comes back
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -11,7 +11,7 @@ mod config;
 pub use config::{QuadrotorConfig, QuadrotorError, RotorConfig};
 
 use crate::contact::{Contact, ContactWorld};
-use crate::motion::{KinematicState, Motion};
+use crate::motion::KinematicState;
 use crate::track::{Cubic, Jet, MotionTrack, Piece, Vibration};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -194,16 +194,6 @@ impl Quadrotor {
         self.shake = phase.at(h);
         self.shake.value = self.shake.value.rem_euclid(std::f64::consts::TAU);
         Some(Vibration { amplitude_m: self.config.vibration_m, phase })
-    }
-}
-
-impl Motion for Quadrotor {
-    fn at(&self, stamp_ns: i64) -> KinematicState {
-        self.track.at(stamp_ns)
-    }
-
-    fn span_ns(&self) -> (i64, i64) {
-        self.track.span_ns()
     }
 }
 

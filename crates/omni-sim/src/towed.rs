@@ -13,17 +13,17 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::contact::{Contact, ContactWorld};
-use crate::motion::{KinematicState, Motion};
+use crate::motion::KinematicState;
 use crate::track::{MotionTrack, Piece};
 
 /// A told pose with its velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToldPose {
-    /// Where the body is said to be.
+    /// Where the body (forward, left, up) is said to be, m.
     pub world_from_body: Isometry3<f64>,
-    /// How fast, in the world.
+    /// How fast, in the world, m/s.
     pub velocity_world: Vector3<f64>,
-    /// How it turns, in the body.
+    /// How it turns, in the body, rad/s.
     pub angular_velocity_body: Vector3<f64>,
 }
 
@@ -140,16 +140,6 @@ impl TowedBody {
     /// Forgets the motion before a stamp.
     pub fn forget_before(&mut self, stamp_ns: i64) {
         self.track.forget_before(stamp_ns);
-    }
-}
-
-impl Motion for TowedBody {
-    fn at(&self, stamp_ns: i64) -> KinematicState {
-        self.track.at(stamp_ns)
-    }
-
-    fn span_ns(&self) -> (i64, i64) {
-        self.track.span_ns()
     }
 }
 

@@ -95,7 +95,7 @@ pub struct Piece {
 
 impl Piece {
     /// The piece that starts at `start_ns` with a state and ends at `end_ns` with these accelerations: of the origin in the
-    /// world, and angular in the body.
+    /// world (m/s^2), and angular in the body (rad/s^2). `end_ns` must be later than `start_ns`.
     pub fn reaching(
         state: &KinematicState,
         start_ns: i64,

@@ -99,7 +99,7 @@ fn integrating_imu_samples_of_a_walk_gives_the_pose() {
     let height = base.track().pieces().map(|p| p.position[2].start.value);
     let (low, high) = height.fold((9.0_f64, 0.0_f64), |(l, h), z| (l.min(z), h.max(z)));
     assert!(high - low > 0.01 && high - low < 0.02, "the trunk heaves {} m", high - low);
-    check_imu(&base, 10);
+    check_imu(base.track(), 10);
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn integrating_imu_samples_of_a_flight_gives_the_pose() {
     }
     let end = robot.state();
     assert!(end.world_from_body.translation.vector.norm() < 100.0 && end.velocity_world.norm() > 0.1);
-    check_imu(&robot, 10);
+    check_imu(robot.track(), 10);
 }
 
 #[test]

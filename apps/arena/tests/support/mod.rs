@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use arena::mission::journal::DecisionEntry;
 use arena::mission::robot_model::{RobotKind, RobotModel};
 use arena::referee::Referee;
-use arena::run::{RunConfig, RunResult, run};
+use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::{Scene, draw_start, robot_truth};
 use arena::task::Task;
 use nalgebra::Isometry3;
@@ -65,7 +65,8 @@ pub fn run_from(
 ) -> RunResult {
     let task = Task::read(text, &scene.building).expect("the referee understands the sentence");
     let stop = Arc::new(AtomicBool::new(false));
-    run(config, robot, scene, &task, start, None, seed, &stop, &mut |_| {}).expect("the run can be set up")
+    let setup = Setup { config, robot, scene, task: &task, start, known: None, seed, vehicle: None };
+    run(setup, &stop, &mut |_| {}).expect("the run can be set up")
 }
 
 /// The bytes of `decisions.jsonl`.

@@ -43,11 +43,6 @@ impl PoseHistory {
         }
     }
 
-    /// Time of the newest position.
-    pub fn newest_ns(&self) -> Option<i64> {
-        self.positions.back().map(|report| report.stamp_ns)
-    }
-
     /// The pose at a time: between reports, or carried on from the nearest. `None` before the first of both kinds.
     pub fn at(&self, stamp_ns: i64) -> Option<VehiclePose> {
         let (position, velocity) = self.position_at(stamp_ns)?;
@@ -138,7 +133,6 @@ mod tests {
             history.add(Some(&position), Some(&attitude));
         }
         assert_eq!((history.positions.len(), history.attitudes.len()), (KEPT, KEPT));
-        assert_eq!(history.newest_ns(), Some(3465 * MS));
         for stamp_ns in [1900 * MS, 1911 * MS, 2030 * MS] {
             let pose = history.at(stamp_ns).expect("known");
             assert!((pose.world_from_body.translation.x - 2.0 * stamp_ns as f64 * 1e-9).abs() < 1e-9);

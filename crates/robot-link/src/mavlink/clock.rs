@@ -31,7 +31,6 @@ pub struct ClockOffset {
     offset_ns: i64,
     accepted: u32,
     jumps: u32,
-    restarts: u32,
 }
 
 impl ClockOffset {
@@ -43,11 +42,6 @@ impl ClockOffset {
     /// Answers that counted since the clock (re)started.
     pub fn accepted(&self) -> u32 {
         self.accepted
-    }
-
-    /// How often the peer's clock became another one.
-    pub fn restarts(&self) -> u32 {
-        self.restarts
     }
 
     /// A time of the peer as one of ours; `None` before the first answer, or far outside of all time.
@@ -71,7 +65,7 @@ impl ClockOffset {
             if self.jumps < JUMPS_BELIEVED {
                 return false;
             }
-            *self = ClockOffset { restarts: self.restarts.saturating_add(1), ..ClockOffset::default() };
+            *self = ClockOffset::default();
             self.ways_ns.push_back(way_ns);
         } else if way_ns > shortest_ns.saturating_add(shortest_ns / 2).saturating_add(SLACK_NS) {
             return false;
@@ -134,6 +128,6 @@ mod tests {
             let (message, at) = answer(second * 1_000_000_000, 100_000, 100_000, offset_ns);
             assert_eq!(clock.hear(&message, at), is_taken, "{second}");
         }
-        assert_eq!((clock.offset_ns(), clock.restarts()), (Some(0), 1));
+        assert_eq!((clock.offset_ns(), clock.accepted()), (Some(0), 2));
     }
 }

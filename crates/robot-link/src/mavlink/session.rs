@@ -3,14 +3,15 @@
 //! ```text
 //! Waiting --heartbeat--> Ready --fly--> Starting --> Flying --land--> Landing --> Landed
 //!                                   set-points > 1 s, OFFBOARD, arm           LAND, disarm
-//! from anywhere, with a fault that says why: Ended (silent), or Landing while it can still be asked for
+//! from anywhere, with a fault that says why: Ended (heartbeats only), or Landing while it can still be asked for
 //! ```
 //!
 //! The caller owns socket and clock: it gives every datagram to [`receive`](OffboardSession::receive), calls
 //! [`advance`](OffboardSession::advance) every few milliseconds with the time, and sends what
 //! [`take_frames`](OffboardSession::take_frames) returns. Rules that hold whatever arrives:
 //!
-//! - Neither OFFBOARD nor arming is asked for before set-points have streamed for [`SessionConfig::lead_ns`] without a gap.
+//! - Neither OFFBOARD nor arming is asked for before set-points have streamed for [`SessionConfig::lead_ns`] without a gap, and
+//!   neither of a vehicle whose motors somebody else has started.
 //! - Once OFFBOARD was reached and is gone, somebody else flies: nothing is streamed and no mode is asked for ever again.
 //! - A command is sent a bounded number of times. Whoever flies on without telemetry is told to stand still, then left to the
 //!   autopilot's own failsafe by silence.
@@ -239,8 +240,7 @@ impl OffboardSession {
         })
     }
 
-    /// Signs everything from now on and listens to nothing unsigned. `timestamp` is the time now in 10 us since 2015-01-01, or
-    /// what an earlier run left if that is later.
+    /// Signs everything from now on and listens to nothing unsigned. `timestamp` is the time now in 10 us since 2015-01-01.
     pub fn sign(&mut self, key: SigningKey, link_id: u8, timestamp: u64) {
         self.reader = FrameReader::demanding(Verifier::new(key.clone(), timestamp));
         self.signer = Some((Signer::new(key, link_id, timestamp), timestamp));
@@ -371,16 +371,6 @@ impl OffboardSession {
     /// What arrived.
     pub fn statistics(&self) -> &Statistics {
         &self.reader.statistics
-    }
-
-    /// The newest time stamp of a signature, to begin the next run with; `None` without signing.
-    pub fn last_signature(&self) -> Option<u64> {
-        self.signer.as_ref().map(|(signer, _)| signer.last_timestamp())
-    }
-
-    /// The reference that is streamed, while one is.
-    pub fn reference(&self) -> Option<&Reference> {
-        self.stream.as_ref().map(SetPointStream::reference)
     }
 
     fn target(&self) -> (u8, u8) {

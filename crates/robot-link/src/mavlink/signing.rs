@@ -63,11 +63,6 @@ impl SigningKey {
         if (digits, others) == (64, 0) { Ok(SigningKey(bytes)) } else { Err(KeyError { digits, others }) }
     }
 
-    /// The key that ground stations make of a pass phrase: its SHA-256.
-    pub fn from_passphrase(text: &str) -> SigningKey {
-        SigningKey(Sha256::digest(text.as_bytes()).into())
-    }
-
     /// Tag of a frame up to and with the time stamp of its signature block.
     fn tag(&self, signed: &[u8]) -> [u8; TAG] {
         let hash = Sha256::new().chain_update(self.0).chain_update(signed).finalize();
@@ -174,10 +169,6 @@ mod tests {
         assert_eq!(format!("{key:?}"), "SigningKey(secret)");
         assert_eq!(SigningKey::from_hex(" 0f\n0g"), Err(KeyError { digits: 3, others: 1 }));
         assert_eq!(SigningKey::from_hex(&"0".repeat(65)), Err(KeyError { digits: 65, others: 0 }));
-        // SHA-256 of "abc", FIPS 180-2 appendix B.1.
-        let abc =
-            SigningKey::from_hex("ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad").expect("a key");
-        assert_eq!(SigningKey::from_passphrase("abc"), abc);
     }
 
     #[test]

@@ -81,6 +81,8 @@ impl OffboardSession {
                 self.end(Fault::NotPx4 { autopilot: heartbeat.autopilot });
             }
             Stage::Waiting => self.stage = Stage::Ready,
+            // Arming has not been asked for: the motors are another's.
+            Stage::Locating { .. } | Stage::Leading | Stage::AskingMode(_) if is_armed => self.end(Fault::AlreadyArmed),
             Stage::AskingMode(_) if is_offboard => self.ask_to_arm(now_ns),
             Stage::AskingArm(..) | Stage::Confirming { .. } if is_gone => self.end(Fault::TakenOver { mode }),
             Stage::AskingArm(..) | Stage::Confirming { .. } if is_offboard && is_armed => self.stage = Stage::Flying,
@@ -155,9 +157,10 @@ impl OffboardSession {
             Report::Restarted => Fault::Restarted,
             Report::New | Report::Late | Report::Nonsense => return,
         };
-        match self.phase() {
-            Phase::Starting => self.end(fault),
-            Phase::Flying => {
+        match self.stage {
+            Stage::Locating { .. } | Stage::Leading | Stage::AskingMode(_) => self.end(fault),
+            // The motors may be running.
+            Stage::AskingArm(..) | Stage::Confirming { .. } | Stage::Flying => {
                 self.fault.get_or_insert(fault);
                 self.land(now_ns);
             }
