@@ -1,7 +1,30 @@
 //! The page that a bench writes: a table and a chart, beside the figures of the paper, in one file without anything to fetch.
 
+use std::path::PathBuf;
+
+use anyhow::Result;
 use arena::chart::bars;
 use arena::map_picture::escape;
+use arena::whole_file::write_whole;
+use clap::Args;
+
+/// How a bench says what it found: the options that all of them share.
+#[derive(Debug, Args)]
+pub struct ReportOptions {
+    /// Write a page with table and chart
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl ReportOptions {
+    /// Writes the page, if one was asked for.
+    pub fn write_page(&self, page: impl FnOnce() -> String) -> Result<()> {
+        self.html.as_ref().map_or(Ok(()), |path| write_whole(path, |out| out.write_all(page().as_bytes())))
+    }
+}
 
 /// What a page shows.
 pub struct Page<'a> {

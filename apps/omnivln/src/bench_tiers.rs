@@ -7,17 +7,14 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use arena::mission::dsg::{ObjectId, SceneGraph};
-use arena::mission::octant_prompt::{
-    Estimate, NameTable, Situation, flat_json, parse_instruction, parse_reply, point_in_body, tools,
-};
-use arena::whole_file::write_whole;
+use arena::mission::octant_prompt::{Estimate, NameTable, flat_json, parse_reply, point_in_body, tools};
 use clap::Args;
-use nalgebra::Point3;
 use serde_json::{Map, Value, json};
 
-use crate::bench_page::Page;
+use crate::bench_page::{Page, ReportOptions};
 use crate::bench_tokens::prompt_of;
-use crate::nine_scenes::{CAMERA_HEIGHT_M, agent, classes_of, nine_scene};
+use crate::json_lines::{read_lines, write_lines};
+use crate::nine_scenes::{agent, classes_of, in_situation, nine_scene};
 use crate::prompt_reader::{read_flat, read_ours};
 
 /// Options of `bench tiers`.
@@ -32,12 +29,8 @@ pub struct TiersOptions {
     /// Score these answers instead of the built-in readers': {"key", "format", "answer"} a line; for flat an id, for ours an action
     #[arg(long, value_name = "FILE")]
     import: Option<PathBuf>,
-    /// Write a page with table and chart
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    report: ReportOptions,
 }
 
 /// One question: a scene and a class, with both prompts.
@@ -84,18 +77,16 @@ pub fn run(options: &TiersOptions) -> Result<ExitCode> {
         ours_percent.push(Some(100.0 * share(ours)));
         report.insert(format!("D{number}"), json!({"flat": share(flat), "ours": share(ours), "n": n}));
     }
-    if let Some(path) = &options.export {
-        write_whole(path, |out| exported.iter().try_for_each(|line| writeln!(out, "{line}")))?;
-    }
+    write_lines(options.export.as_deref(), &exported)?;
     report.insert("reader".into(), json!(if given.is_some() { "imported" } else { "symbolic" }));
-    if let Some(path) = &options.html {
+    options.report.write_page(|| {
         let mut columns = vec![String::new()];
         columns.extend((1..=9).map(|number| format!("D{number}")));
         // From the paper's figure of success rates, as far as it can be read.
         let paper = |values: [(usize, f64); 2]| {
             (0..9).map(|at| values.iter().find(|(index, _)| *index == at).map(|(_, value)| *value)).collect()
         };
-        let page = Page {
+        Page {
             title: "Right answers from the prompt alone",
             note: "\"go to the nearest ...\" on the nine scenes, in per cent. Of the paper's figure only D3 and D9 can be read.",
             columns,
@@ -108,10 +99,10 @@ pub fn run(options: &TiersOptions) -> Result<ExitCode> {
             decimals: 1,
             unit: "%",
             drawn: vec![0, 1, 2, 3],
-        };
-        write_whole(path, |out| out.write_all(page.html().as_bytes()))?;
-    }
-    if options.json {
+        }
+        .html()
+    })?;
+    if options.report.json {
         arena::say!("{}", Value::Object(report));
     } else {
         for (name, row) in &report {
@@ -140,16 +131,11 @@ fn question(graph: &SceneGraph, number: usize, seed: u64, class: &str) -> Result
 
 /// The reader of our prompt, with the one tool it needs.
 fn ours_reader(graph: &SceneGraph, class: &str, question: &Question) -> Option<String> {
-    let instruction = parse_instruction(&format!("go to the nearest {class}"));
-    let here = Point3::from(agent().translation.vector);
-    let path_length = |point: &Point3<f64>| Some((point - here).norm());
-    let can_stop = |_: ObjectId| false;
-    let situation = Situation {
-        camera_height_m: CAMERA_HEIGHT_M,
-        ..Situation::new(graph, agent(), &instruction, &path_length, &can_stop)
-    };
-    let tools = tools::ToolBox { situation: &situation, names: &question.names };
-    read_ours(&question.ours, |name| tools::call("path_length", &json!({"id": name}), &tools).ok()?["path_m"].as_f64())
+    in_situation(graph, &format!("go to the nearest {class}"), |situation| {
+        let tools = tools::ToolBox { situation, names: &question.names };
+        let path_m = |name: &str| tools::call("path_length", &json!({"id": name}), &tools).ok()?["path_m"].as_f64();
+        read_ours(&question.ours, path_m)
+    })
 }
 
 fn first_number(answer: &str) -> Option<u64> {
@@ -158,14 +144,12 @@ fn first_number(answer: &str) -> Option<u64> {
 
 /// (key, format) -> answer.
 fn read_answers(path: &Path) -> Result<HashMap<(String, String), String>> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let line = |(at, line): (usize, &str)| -> Result<((String, String), String)> {
-        let place = || format!("{} line {}", path.display(), at + 1);
-        let row: Value = serde_json::from_str(line).with_context(place)?;
+    let answers = read_lines(path, |line| {
+        let row: Value = serde_json::from_str(line)?;
         let text = |key: &str| -> Result<String> {
-            Ok(row[key].as_str().with_context(|| format!("{}: \"{key}\" must be a text", place()))?.to_string())
+            Ok(row[key].as_str().with_context(|| format!("\"{key}\" must be a text"))?.to_string())
         };
         Ok(((text("key")?, text("format")?), text("answer")?))
-    };
-    text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).map(line).collect()
+    })?;
+    Ok(answers.into_iter().collect())
 }

@@ -5,19 +5,18 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use arena::mission::dsg::{ObjectId, SceneGraph};
+use arena::mission::dsg::SceneGraph;
 use arena::mission::octant_prompt::{
-    BytePairs, Estimate, Prompt, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt,
-    build_prompt_for, caption_free, flat_json, flat_text, flat_text_in_body, parse_instruction, reply_schema,
-    system_text, tools, user_text,
+    BytePairs, Estimate, Prompt, PromptConfig, SymbolicReasoner, TokenCounter, build_prompt, build_prompt_for,
+    caption_free, flat_json, flat_text, flat_text_in_body, reply_schema, system_text, tools, user_text,
 };
 use arena::whole_file::write_whole;
 use clap::Args;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 use serde_json::{Map, Value, json};
 
-use crate::bench_page::Page;
-use crate::nine_scenes::{CAMERA_HEIGHT_M, OBJECTS, agent, classes_of, grid, middle_of, nine_scene};
+use crate::bench_page::{Page, ReportOptions};
+use crate::nine_scenes::{CAMERA_HEIGHT_M, OBJECTS, agent, classes_of, grid, in_situation, middle_of, nine_scene};
 
 /// The paper's Table II, tokens: the flat list and the hierarchical prompt.
 const PAPER_FLAT: [f64; 9] = [402.60, 746.80, 1153.07, 398.80, 806.50, 1181.60, 1126.33, 2089.33, 3555.98];
@@ -39,12 +38,8 @@ pub struct TokensOptions {
     /// Write every prompt of ours and of the baselines into DIR
     #[arg(long, value_name = "DIR")]
     dump: Option<PathBuf>,
-    /// Write a page with table and chart
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    report: ReportOptions,
 }
 
 /// The formats that are compared.
@@ -96,11 +91,8 @@ pub fn run(options: &TokensOptions) -> Result<ExitCode> {
     report.insert("growth_r2".into(), json!(r_squared(&growth)));
     report.insert("counter".into(), json!(if exact.is_some() { "exact" } else { "estimate" }));
 
-    if let Some(path) = &options.html {
-        let page = page(&table, exact.is_some());
-        write_whole(path, |out| out.write_all(page.as_bytes()))?;
-    }
-    if options.json {
+    options.report.write_page(|| page(&table, exact.is_some()))?;
+    if options.report.json {
         arena::say!("{}", Value::Object(report));
     } else {
         print(&table, &growth, exact.is_some());
@@ -109,7 +101,7 @@ pub fn run(options: &TokensOptions) -> Result<ExitCode> {
 }
 
 /// Reads a tokenizer.json.
-pub fn read_tokenizer(path: &Path) -> Result<BytePairs> {
+fn read_tokenizer(path: &Path) -> Result<BytePairs> {
     let file = std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
     BytePairs::read(std::io::BufReader::new(file)).with_context(|| path.display().to_string())
 }
@@ -120,7 +112,7 @@ pub fn prompt_of(graph: &SceneGraph, pose: &Isometry3<f64>, instruction: &str, c
 }
 
 /// A configuration whose budget cuts nothing here.
-pub fn roomy() -> PromptConfig {
+fn roomy() -> PromptConfig {
     PromptConfig { budget_tokens: 100_000, camera_height_m: CAMERA_HEIGHT_M, ..PromptConfig::default() }
 }
 
@@ -138,16 +130,10 @@ fn texts(graph: &SceneGraph, instruction: &str, counter: &dyn TokenCounter) -> [
 
 /// All that goes over the line until an action is accepted: system text, prompt, schema with its enum, tools, and an answer in full.
 fn episode(graph: &SceneGraph, text: &str, counter: &dyn TokenCounter) -> Result<usize> {
-    let instruction = parse_instruction(text);
-    let here = Point3::from(agent().translation.vector);
-    let path_length = |point: &Point3<f64>| Some((point - here).norm());
-    let can_stop = |_: ObjectId| false;
-    let situation = Situation {
-        camera_height_m: CAMERA_HEIGHT_M,
-        ..Situation::new(graph, agent(), &instruction, &path_length, &can_stop)
-    };
-    let prompt = build_prompt_for(&situation, &roomy(), counter);
-    let reply = SymbolicReasoner::default().reply(&situation)?;
+    let (prompt, reply) = in_situation(graph, text, |situation| {
+        (build_prompt_for(situation, &roomy(), counter), SymbolicReasoner::default().reply(situation))
+    });
+    let reply = reply?;
     let action = reply.action.text(&prompt.names);
     let (verb, target) = action.trim_end_matches(')').split_once('(').unwrap_or((&action, ""));
     let said = |index: usize| reply.trace.get(index).map_or("", |line| line.output.as_str());

@@ -5,6 +5,7 @@
 //! object has a caption of 20 to 40 words, as a vision model would write it.
 
 use arena::mission::dsg::{Aabb, Object, ObjectId, Op, Place, PlaceId, Room, RoomId, SceneGraph};
+use arena::mission::octant_prompt::{Situation, parse_instruction};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Objects of each scene.
@@ -72,6 +73,18 @@ impl Draw {
 /// The pose of the agent in all scenes made here: where the graph's first room has its middle.
 pub fn agent() -> Isometry3<f64> {
     Isometry3::translation(ROOM_M / 2.0, ROOM_M / 2.0, 0.0)
+}
+
+/// Calls `then` with the situation of the agent in a scene made here, with an instruction: every way is straight, and nothing is reached yet.
+pub fn in_situation<T>(graph: &SceneGraph, instruction: &str, then: impl FnOnce(&Situation) -> T) -> T {
+    let instruction = parse_instruction(instruction);
+    let here = Point3::from(agent().translation.vector);
+    let path_length = |point: &Point3<f64>| Some((point - here).norm());
+    let can_stop = |_: ObjectId| false;
+    then(&Situation {
+        camera_height_m: CAMERA_HEIGHT_M,
+        ..Situation::new(graph, agent(), &instruction, &path_length, &can_stop)
+    })
 }
 
 /// Scene `number` (1 to 9) of a seed. Ids are shuffled, so that their order tells nothing.

@@ -14,6 +14,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::memory::peak_rss_mib;
+use crate::quantile::quantile;
 use crate::recording_args::RecordingArgs;
 
 /// Options of `odometry`.
@@ -116,12 +117,6 @@ fn summary(run: &OdometryRun, growth_mib: Option<f64>) -> Value {
         "degenerate_scans": run.degenerate_scans,
         "dropped": run.dropped,
     })
-}
-
-fn quantile(values: &[f64], share: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(((values.len() as f64 - 1.0) * share).round() as usize).copied()
 }
 
 fn with_causes(error: &RecordingError) -> String {

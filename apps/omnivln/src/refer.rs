@@ -3,7 +3,7 @@
 //! The grounder is given the sentence and the boxes ([`Question`]); the [`AnswerKey`] of each line goes to the tally only.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -12,9 +12,12 @@ use arena::mission::octant_prompt::grounding::Scene;
 use arena::mission::octant_prompt::refer_set::{
     AnswerKey, Question, answer, answer_with_prior, read_scene, read_utterance,
 };
-use arena::whole_file::write_whole;
 use clap::Args;
 use serde_json::{Value, json};
+
+use crate::bench_page::ReportOptions;
+use crate::json_lines::{read_lines, write_lines};
+use crate::quantile::quantile;
 
 /// Options of `refer`.
 #[derive(Debug, Args)]
@@ -28,24 +31,22 @@ pub struct ReferOptions {
     /// Also report with the prior that the class meant has several instances
     #[arg(long)]
     prior: bool,
-    /// Only the sentences of one half of a fixed split: 0 was developed on, 1 was held out
+    /// Only the sentences of one half of a fixed split: the grounder's rules were made on those of half 0; the scores of half 1 were
+    /// looked at while choosing among rules, its sentences were not
     #[arg(long, value_name = "0|1", value_parser = clap::value_parser!(u8).range(0..=1))]
     half: Option<u8>,
     /// Write the id chosen for each sentence, a JSON object a line
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write a page with table and chart
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    report: ReportOptions,
 }
 
 /// Reads, answers, scores, prints.
 pub fn run(options: &ReferOptions) -> Result<ExitCode> {
-    let scenes: HashMap<String, Scene> = lines(&options.scenes, |line| Ok(read_scene(line)?))?.into_iter().collect();
-    let utterances = lines(&options.utterances, |line| Ok(read_utterance(line)?))?;
+    let scenes = read_lines(&options.scenes, |line| Ok(read_scene(line)?))?;
+    let scenes: HashMap<String, Scene> = scenes.into_iter().collect();
+    let utterances = read_lines(&options.utterances, |line| Ok(read_utterance(line)?))?;
     let wanted = |question: &Question| options.half.is_none_or(|half| half == question.half());
     let utterances: Vec<(Question, AnswerKey)> =
         utterances.into_iter().filter(|(question, _)| wanted(question)).collect();
@@ -68,14 +69,9 @@ pub fn run(options: &ReferOptions) -> Result<ExitCode> {
         chosen.push(json!({"set": key.set, "scene": question.scene, "text": question.text, "id": id}));
     }
 
-    if let Some(path) = &options.out {
-        write_whole(path, |out| chosen.iter().try_for_each(|line| writeln!(out, "{line}")))?;
-    }
-    if let Some(path) = &options.html {
-        let page = crate::refer_page::page(&plain.json());
-        write_whole(path, |out| out.write_all(page.as_bytes()))?;
-    }
-    if options.json {
+    write_lines(options.out.as_deref(), &chosen)?;
+    options.report.write_page(|| crate::refer_page::page(&plain.json()))?;
+    if options.report.json {
         let mut report = json!({"sets": plain.json(), "prior": false});
         if options.prior {
             report["sets_with_prior"] = with_prior.json();
@@ -88,13 +84,6 @@ pub fn run(options: &ReferOptions) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Every line of a file, read by `read`; blank lines are skipped.
-fn lines<T>(path: &Path, read: impl Fn(&str) -> Result<T>) -> Result<Vec<T>> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let numbered = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    numbered.map(|(at, line)| read(line).with_context(|| format!("{} line {}", path.display(), at + 1))).collect()
 }
 
 /// Right and all, for each set and each part of it.
@@ -154,7 +143,7 @@ impl Tally {
             let mut value = json!({
                 "n": set.all.n, "accuracy": set.all.value(), "easy": part("easy"), "hard": part("hard"),
                 "view_dependent": part("view_dependent"), "view_independent": part("view_independent"),
-                "half_0": part("half_0"), "half_1": part("half_1"), "us_median": median(&set.us),
+                "half_0": part("half_0"), "half_1": part("half_1"), "us_median": quantile(&set.us, 0.5),
             });
             if !set.relations.is_empty() {
                 value["relations"] = set
@@ -176,7 +165,7 @@ impl Tally {
                 "{name}{suffix}: {} of {} sentences, {:.0} us median",
                 percent(set.all),
                 set.all.n,
-                median(&set.us)
+                quantile(&set.us, 0.5).unwrap_or(0.0)
             );
             for (part, share) in &set.parts {
                 arena::say!("  {part:18} {:>9} of {}", percent(*share), share.n);
@@ -186,10 +175,4 @@ impl Tally {
             }
         }
     }
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }

@@ -159,14 +159,19 @@ impl BytePairs {
     /// Calls `take` with the ids of one piece after the other.
     fn each(&self, text: &str, take: &mut dyn FnMut(&[u32])) {
         let mut symbols = Symbols::default();
-        let mut rest = text;
+        // Where each added token comes next: looked up again only once the text has passed it, so that a text full of them costs no more.
+        let mut ahead: Vec<Option<usize>> = self.added.iter().map(|(token, _)| text.find(token.as_str())).collect();
+        let mut done = 0;
         loop {
-            let next = self.next_added(rest);
-            let (plain, after) = match next {
-                Some((at, length, _)) => (&rest[..at], &rest[at + length..]),
-                None => (rest, ""),
-            };
-            let mut plain = plain;
+            for ((token, _), at) in self.added.iter().zip(&mut ahead) {
+                if at.is_some_and(|at| at < done) {
+                    *at = text[done..].find(token.as_str()).map(|at| done + at);
+                }
+            }
+            // The first; of several at one place the longest, which stands first.
+            let next =
+                ahead.iter().zip(&self.added).filter_map(|(at, added)| Some(((*at)?, added))).min_by_key(|(at, _)| *at);
+            let mut plain = &text[done..next.map_or(text.len(), |(at, _)| at)];
             while !plain.is_empty() {
                 let (piece, remaining) = plain.split_at(piece_bytes(plain));
                 match self.ids.get(piece.as_bytes()) {
@@ -175,16 +180,10 @@ impl BytePairs {
                 }
                 plain = remaining;
             }
-            let Some((_, _, id)) = next else { return };
-            take(&[id]);
-            rest = after;
+            let Some((at, (token, id))) = next else { return };
+            take(&[*id]);
+            done = at + token.len();
         }
-    }
-
-    /// Position, length and id of the first added token; of several at one place the longest.
-    fn next_added(&self, text: &str) -> Option<(usize, usize, u32)> {
-        let found = self.added.iter().filter_map(|(token, id)| Some((text.find(token.as_str())?, token.len(), *id)));
-        found.min_by_key(|(at, length, _)| (*at, Reverse(*length)))
     }
 }
 

@@ -1,9 +1,9 @@
-//! Is a claim about a thing true? Looked up in the boxes by plain inequalities, without the operators of the grounder.
+//! Is a claim about a thing true, and of that thing alone? Looked up in the boxes by plain inequalities, without the operators of the
+//! grounder.
 
 use dsg::Aabb;
 use nalgebra::Vector2;
 
-use crate::describe::label;
 use crate::refer_set::middle;
 use crate::scene::Scene;
 
@@ -70,6 +70,18 @@ fn ordinal(n: u32) -> &'static str {
     ["first", "second", "third", "fourth", "fifth", "sixth"].get(n.saturating_sub(1) as usize).unwrap_or(&"last")
 }
 
+/// Whether all claims hold of the thing at `index`, and of no other thing with its label.
+pub fn singles_out(claims: &[Claim], scene: &Scene, index: usize) -> bool {
+    let holds = |index: usize| claims.iter().all(|claim| is_true(claim, scene, index));
+    holds(index) && twins(scene, index).all(|twin| !holds(twin))
+}
+
+/// The other things with the same label.
+fn twins(scene: &Scene, index: usize) -> impl Iterator<Item = usize> + '_ {
+    let label = scene.label(index);
+    (0..scene.things.len()).filter(move |other| *other != index && scene.label(*other) == label)
+}
+
 /// Whether the claim holds of the thing at `index`, clearly enough that people would not quarrel about it.
 pub fn is_true(claim: &Claim, scene: &Scene, index: usize) -> bool {
     /// Difference of distances that people see, metres (Sr3D's generator asks for 0.2 m).
@@ -80,10 +92,7 @@ pub fn is_true(claim: &Claim, scene: &Scene, index: usize) -> bool {
     const SEEN_RATIO: f64 = 1.15;
     let own = &scene.things[index].bounds;
     let bounds = |other: usize| &scene.things[other].bounds;
-    let rivals: Vec<&Aabb> = (0..scene.things.len())
-        .filter(|other| *other != index && label(scene, *other) == label(scene, index))
-        .map(bounds)
-        .collect();
+    let rivals: Vec<&Aabb> = twins(scene, index).map(bounds).collect();
     let gap_m = |a: &Aabb, b: &Aabb| {
         (0..3).map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2)).sum::<f64>().sqrt()
     };
@@ -203,6 +212,19 @@ mod tests {
         assert!(is_true(&Claim::On(3), &scene, 4) && is_true(&Claim::Under(4), &scene, 3));
         assert!(!is_true(&Claim::Largest, &scene, 0), "equal sizes");
         assert!(!is_true(&Claim::Between(2, 4), &scene, 1));
+    }
+
+    #[test]
+    fn what_is_true_of_two_singles_out_none() {
+        let scene = scene();
+        assert!(singles_out(&[Claim::Closest(2)], &scene, 0) && !singles_out(&[Claim::Closest(2)], &scene, 1));
+        assert!(singles_out(&[], &scene, 3), "the only table");
+        assert!(!singles_out(&[], &scene, 0), "one of two chairs");
+        // Under a roof over both chairs, "under the roof" is true of each and tells them apart from nothing.
+        let line = r#"{"scene":"s","objects":[[1,"chair",0,0,0.4,0.5,0.5,0.8,9,6,4,null,null,null],[2,"chair",4,0,0.4,0.5,0.5,0.8,9,6,4,null,null,null],
+            [3,"roof",2,0,3,9,9,0.1,20,20,20,null,null,null]]}"#;
+        let scene = read_scene(&line.replace('\n', "")).expect("sound").1;
+        assert!(is_true(&Claim::Under(2), &scene, 0) && !singles_out(&[Claim::Under(2)], &scene, 0));
     }
 
     #[test]

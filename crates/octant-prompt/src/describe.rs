@@ -1,13 +1,13 @@
 //! Referring-expression generation (paper Table I): the shortest description of one thing that a listener resolves to exactly that thing.
 //!
-//! A speaker tries descriptions from short to long and takes the first one that (1) the grounder, reading the text alone, resolves to the
-//! thing by a margin, and (2) is true in every clause. Truth is looked up in the boxes by [`crate::clause_truth`], which shares no
-//! operator with the grounder: a description that is unique only by a mistake of the listener does not pass.
+//! A speaker tries descriptions from short to long and takes the first one that (1) is true of this thing and of no other with its label,
+//! and (2) the grounder, reading the text alone, resolves to the thing by a margin. Truth is looked up in the boxes by
+//! [`crate::clause_truth`], which shares no operator with the grounder: what only a mistake of the listener makes unique does not pass.
 
 use dsg::ObjectId;
 use rustc_hash::FxHashMap;
 
-use crate::clause_truth::{Claim, is_true};
+use crate::clause_truth::{Claim, is_true, singles_out};
 use crate::grounding::{Scene, ground};
 use crate::parser::parse_referring;
 use crate::refer_set::middle;
@@ -37,16 +37,26 @@ const MAX_ORDINAL: u32 = 6;
 /// The listener's best must be this many times better than its second.
 const MARGIN: f64 = 1.05;
 
-/// The shortest description of `id`, view-independent where one exists; None if nothing that is tried singles it out.
+/// The shortest description of `id`; None if nothing that is tried singles it out, or if it is no thing of the scene.
 pub fn describe(scene: &Scene, id: ObjectId) -> Option<Description> {
-    descriptions(scene, id).find(|description| is_understood(&description.text, scene, id))
+    first(scene, id, |_| true)
 }
 
-/// The same, with at least one claim that depends on the viewer.
+/// The shortest without a claim that depends on the viewer.
+pub fn describe_without_a_view(scene: &Scene, id: ObjectId) -> Option<Description> {
+    first(scene, id, |description| !description.is_view_dependent)
+}
+
+/// The shortest with at least one claim that depends on the viewer.
 pub fn describe_from_a_view(scene: &Scene, id: ObjectId) -> Option<Description> {
-    descriptions(scene, id)
-        .filter(|description| description.is_view_dependent)
-        .find(|description| is_understood(&description.text, scene, id))
+    first(scene, id, |description| description.is_view_dependent)
+}
+
+fn first(scene: &Scene, id: ObjectId, is_wanted: impl Fn(&Description) -> bool) -> Option<Description> {
+    let index = scene.things.iter().position(|thing| thing.id == id)?;
+    descriptions(scene, index).filter(is_wanted).find(|description| {
+        singles_out(&description.claims, scene, index) && is_understood(&description.text, scene, id)
+    })
 }
 
 /// Whether a listener who gets the text and the scene finds exactly this thing.
@@ -61,12 +71,11 @@ pub fn is_understood(text: &str, scene: &Scene, id: ObjectId) -> bool {
 }
 
 /// True descriptions, the shortest first: the class alone, one claim, two claims.
-fn descriptions<'a>(scene: &'a Scene, id: ObjectId) -> impl Iterator<Item = Description> + 'a {
-    let index = scene.things.iter().position(|thing| thing.id == id);
-    let label = index.map(|index| label(scene, index)).unwrap_or_default().to_string();
-    let anchors = index.map(|index| anchors(scene, index)).unwrap_or_default();
+fn descriptions(scene: &Scene, index: usize) -> impl Iterator<Item = Description> {
+    let label = scene.label(index);
+    let anchors = anchors(scene, index);
     let indices: Vec<usize> = anchors.iter().map(|(anchor, _)| *anchor).collect();
-    let claims: Vec<Claim> = index.map(|index| true_claims(scene, index, &indices)).unwrap_or_default();
+    let claims = true_claims(scene, index, &indices);
     // Ordinals count among all of the class: with a second claim nobody knows among which.
     let plain: Vec<&Claim> = claims.iter().filter(|claim| !claim.is_ordinal()).collect();
     let pairs: Vec<Vec<Claim>> = plain
@@ -92,24 +101,25 @@ fn anchors(scene: &Scene, index: usize) -> Vec<(usize, String)> {
     let own = &scene.things[index].bounds;
     let mut others: Vec<(f64, usize)> = (0..scene.things.len())
         .filter(|other| {
-            let name = label(scene, *other);
-            *other != index && name != label(scene, index) && !is_hull(name)
+            let name = scene.label(*other);
+            *other != index && name != scene.label(index) && !is_hull(name)
         })
         .map(|other| (scene.things[other].bounds.gap_m(own), other))
         .collect();
     others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let is_only =
-        |at: usize| (0..scene.things.len()).filter(|other| label(scene, *other) == label(scene, at)).count() == 1;
+    let is_only = |at: usize| singles_out(&[], scene, at);
     let (only, many): (Vec<usize>, Vec<usize>) =
         others.into_iter().map(|(_, other)| other).partition(|other| is_only(*other));
     let only: Vec<usize> = only.into_iter().take(MAX_ANCHORS).collect();
     let described = many.into_iter().take(MAX_ANCHORS / 2).filter_map(|other| {
-        let first = true_claims(scene, other, &only).into_iter().find(|claim| !claim.is_view_dependent())?;
-        let words = first.words(&|anchor| label(scene, anchor).to_string());
-        Some((other, format!("{} that is {words}", label(scene, other))))
+        let first = true_claims(scene, other, &only)
+            .into_iter()
+            .find(|claim| !claim.is_view_dependent() && singles_out(std::slice::from_ref(claim), scene, other))?;
+        let words = first.words(&|anchor| scene.label(anchor).to_string());
+        Some((other, format!("{} that is {words}", scene.label(other))))
     });
     let described: Vec<(usize, String)> = described.collect();
-    only.into_iter().map(|other| (other, label(scene, other).to_string())).chain(described).collect()
+    only.into_iter().map(|other| (other, scene.label(other).to_string())).chain(described).collect()
 }
 
 /// Claims that hold for the thing, in the order in which people prefer them.
@@ -133,12 +143,7 @@ fn true_claims(scene: &Scene, index: usize, anchors: &[usize]) -> Vec<Claim> {
     all.filter(|claim| is_true(claim, scene, index)).collect()
 }
 
-/// Parts of the building: too large to say where something is.
-fn is_hull(label: &str) -> bool {
+/// Parts of the building, and things that nobody has named: neither described nor fit to say where something is.
+pub fn is_hull(label: &str) -> bool {
     matches!(label, "wall" | "floor" | "ceiling" | "object" | "room")
-}
-
-/// The label of a thing, as its class is written.
-pub(crate) fn label(scene: &Scene, index: usize) -> &str {
-    scene.things[index].classes.first().map_or("", |(class, _)| scene.classes[*class as usize].text.as_str())
 }

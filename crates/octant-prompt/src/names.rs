@@ -51,9 +51,9 @@ struct Index {
 
 impl PartialEq for NameTable {
     fn eq(&self, other: &NameTable) -> bool {
-        let parts =
-            |table: &NameTable| (table.revision, table.entries.clone(), table.runs.clone(), table.aliases.clone());
-        parts(self) == parts(other)
+        // The index follows from the rest.
+        (self.revision, &self.entries, &self.runs, &self.aliases)
+            == (other.revision, &other.entries, &other.runs, &other.aliases)
     }
 }
 

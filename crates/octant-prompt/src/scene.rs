@@ -65,6 +65,14 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The label of the thing at `index`, as its class is written (singular, lower case); empty if it has none.
+    ///
+    /// # Panics
+    /// If there is no such thing.
+    pub fn label(&self, index: usize) -> &str {
+        self.things[index].classes.first().map_or("", |(class, _)| self.classes[*class as usize].text.as_str())
+    }
+
     /// Reads a scene graph. `floor` is the storey the robot is on. Movers (people) are left out as targets only by their class.
     pub fn from_graph(graph: &SceneGraph, floor: i32) -> Scene {
         let mut scene = Scene { floor, ..Scene::default() };

@@ -332,3 +332,32 @@ mod critic {
         assert_eq!(record.attempts[2].outcome, Err(ReasonerError::ScriptEnded));
     }
 }
+
+mod descriptions {
+    use super::*;
+    use octant_prompt::clause_truth::is_true;
+    use octant_prompt::describe::{describe, describe_from_a_view, describe_without_a_view, is_understood};
+    use octant_prompt::grounding::Scene;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn a_description_is_true_of_one_thing_alone_and_understood(things in objects(1, 12)) {
+            let scene = Scene::from_graph(&graph(1, &[], &things), 0);
+            for (index, thing) in scene.things.iter().enumerate() {
+                let shortest = describe(&scene, thing.id);
+                let plain = describe_without_a_view(&scene, thing.id);
+                let seen = describe_from_a_view(&scene, thing.id);
+                prop_assert!(plain.iter().all(|found| !found.is_view_dependent) && seen.iter().all(|found| found.is_view_dependent));
+                prop_assert_eq!(shortest.is_some(), plain.is_some() || seen.is_some());
+                for found in [shortest, plain, seen].into_iter().flatten() {
+                    prop_assert!(is_understood(&found.text, &scene, thing.id), "{}", found.text);
+                    let of_class = (0..scene.things.len()).filter(|other| scene.label(*other) == scene.label(index));
+                    let answers: Vec<usize> = of_class.filter(|index| found.claims.iter().all(|claim| is_true(claim, &scene, *index))).collect();
+                    prop_assert_eq!(answers, vec![index], "{}", found.text);
+                }
+            }
+        }
+    }
+}
