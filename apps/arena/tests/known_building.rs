@@ -29,7 +29,8 @@ fn run_anywhere(config: &RunConfig, kind: RobotKind, scene: &Scene, text: &str, 
     let task = Task::read(text, &scene.building).expect("the referee understands the sentence");
     let stop = Arc::new(AtomicBool::new(false));
     let (robot, task, start, known) = (&robot, &task, &from, Some(known));
-    run(Setup { config, robot, scene, task, start, known, seed, vehicle: None }, &stop, &mut |_| {}).expect("the run can be set up")
+    run(Setup { config, robot, scene, task, start, known, seed, vehicle: None }, &stop, &mut |_| {})
+        .expect("the run can be set up")
 }
 
 /// How far the robot was off when it found itself: metres and radians. The map is as true as the earlier odometry was.

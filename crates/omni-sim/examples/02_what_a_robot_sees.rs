@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         counter.observe(&touched);
         steps_left -= i32::from(!counter.touches().is_empty());
     }
-    let (_, end_ns) = base.span_ns();
+    let (_, end_ns) = base.track().span_ns();
     for touch in counter.touches() {
         let name = world.thing(touch.instance).map_or("the structure", |t| &t.class);
         println!("After {:.2} s it touches {name}, {:.1} mm deep.", touch.stamp_ns as f64 * 1e-9, 1e3 * touch.depth_m);
@@ -86,7 +86,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mount = RotatingMount::rotating(Isometry3::translation(0.0, 0.0, 0.3));
     let start_ns = (end_ns / 2).min(SECOND);
     let record = scan(&world, base.track(), &mount, &LidarConfig::default(), start_ns)?;
-    let place = |stamp_ns| base.at(stamp_ns).world_from_body * mount.body_from_sensor(stamp_ns);
+    let place = |stamp_ns| base.track().at(stamp_ns).world_from_body * mount.body_from_sensor(stamp_ns);
     let off: f64 = record
         .points
         .iter()

@@ -10,7 +10,7 @@ mod config;
 pub use config::{GroundBaseConfig, GroundBaseError};
 
 use crate::contact::{Contact, ContactWorld};
-use crate::motion::{KinematicState, Motion};
+use crate::motion::KinematicState;
 use crate::track::{Cubic, Jet, MotionTrack, Piece, Turn};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::TAU;

@@ -160,11 +160,11 @@ proptest! {
         }
         check_joints(robot.track())?;
         // The track answers inside its span, and forgetting the past does not change the rest.
-        let (from, to) = robot.span_ns();
+        let (from, to) = robot.track().span_ns();
         let middle = (from + to) / 2;
-        let before = robot.at(middle);
+        let before = robot.track().at(middle);
         robot.forget_before(middle);
-        prop_assert_eq!(robot.at(middle), before);
+        prop_assert_eq!(robot.track().at(middle), before);
     }
 
     #[test]

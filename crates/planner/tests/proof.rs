@@ -47,7 +47,7 @@ fn check(piece: &Piece, polytope: &Polytope, limits: &FlightLimits) -> Result<()
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Any quintic, from hovering to tumbling, any vehicle, any limits: where the middle of a piece breaks a limit its bounds are
     /// those of the whole piece, so the radii are tested wide, and otherwise after some halvings. Of constant jerk and without
