@@ -4,29 +4,46 @@
 use nalgebra::Point2;
 use volumetric_map::{Cell, OccupancyGrid};
 
-/// Makes free what is unknown of `slice` within `reach_m` of the eye, where one can go there from under the eye through nothing
-/// that is occupied, neither in the slice nor in `at_eye`, a slice of the same map at the height of the eye: that one is seen all round.
-pub fn fill_blind_spot(slice: &mut OccupancyGrid, at_eye: &OccupancyGrid, eye: &Point2<f64>, reach_m: f64) {
-    let Some(start) = slice.cell_of(eye) else { return };
-    let number = |(ix, iy): (usize, usize)| iy * slice.width + ix;
-    let mut is_reached = vec![false; slice.cells.len()];
-    let mut waiting = vec![start];
-    while let Some((ix, iy)) = waiting.pop() {
-        let at = number((ix, iy));
-        let middle = slice.center(ix, iy);
-        let is_open = slice.cells[at] != Cell::Occupied && at_eye.at(&middle) != Cell::Occupied;
-        if is_reached[at] || !is_open || (middle - eye).norm() > reach_m {
-            continue;
+/// What was over the robot's head when it was switched on: open until it is seen.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct BlindSpot {
+    open: Vec<Point2<f64>>,
+}
+
+impl BlindSpot {
+    /// All that lies within `reach_m` of the eye and can be reached from under it through nothing that is occupied, neither in
+    /// `slice` nor in `at_eye`, a slice of the same map at the height of the eye: that one is seen all round.
+    pub fn new(slice: &OccupancyGrid, at_eye: &OccupancyGrid, eye: &Point2<f64>, reach_m: f64) -> BlindSpot {
+        let Some(start) = slice.cell_of(eye) else { return BlindSpot::default() };
+        let mut is_reached = vec![false; slice.cells.len()];
+        let mut open = Vec::new();
+        let mut waiting = vec![start];
+        while let Some((ix, iy)) = waiting.pop() {
+            let at = iy * slice.width + ix;
+            let middle = slice.center(ix, iy);
+            let is_open = slice.cells[at] != Cell::Occupied && at_eye.at(&middle) != Cell::Occupied;
+            if is_reached[at] || !is_open || (middle - eye).norm() > reach_m {
+                continue;
+            }
+            is_reached[at] = true;
+            open.push(middle);
+            waiting.extend((ix > 0).then(|| (ix - 1, iy)));
+            waiting.extend((iy > 0).then(|| (ix, iy - 1)));
+            waiting.extend((ix + 1 < slice.width).then_some((ix + 1, iy)));
+            waiting.extend((iy + 1 < slice.height).then_some((ix, iy + 1)));
         }
-        is_reached[at] = true;
-        waiting.extend((ix > 0).then(|| (ix - 1, iy)));
-        waiting.extend((iy > 0).then(|| (ix, iy - 1)));
-        waiting.extend((ix + 1 < slice.width).then_some((ix + 1, iy)));
-        waiting.extend((iy + 1 < slice.height).then_some((ix, iy + 1)));
+        BlindSpot { open }
     }
-    for (cell, is_reached) in slice.cells.iter_mut().zip(is_reached) {
-        if is_reached && *cell == Cell::Unknown {
-            *cell = Cell::Free;
+
+    /// Makes free what `slice`, of the same map, still does not know of it.
+    pub fn fill(&self, slice: &mut OccupancyGrid) {
+        for middle in &self.open {
+            if let Some((ix, iy)) = slice.cell_of(middle) {
+                let cell = &mut slice.cells[iy * slice.width + ix];
+                if *cell == Cell::Unknown {
+                    *cell = Cell::Free;
+                }
+            }
         }
     }
 }
@@ -47,6 +64,10 @@ mod tests {
         grid
     }
 
+    fn fill(slice: &mut OccupancyGrid, at_eye: &OccupancyGrid, eye: &Point2<f64>, reach_m: f64) {
+        BlindSpot::new(slice, at_eye, eye, reach_m).fill(slice);
+    }
+
     #[test]
     fn a_hole_over_the_robot_parts_no_room() {
         // The hole reaches from wall to wall, so that two pieces of one room are left.
@@ -56,7 +77,7 @@ mod tests {
             map.rooms.len()
         };
         assert_eq!(rooms(&slice), 2);
-        fill_blind_spot(&mut slice, &room(|_| Cell::Free), &Point2::origin(), 1.6);
+        fill(&mut slice, &room(|_| Cell::Free), &Point2::origin(), 1.6);
         assert_eq!((rooms(&slice), slice.count(Cell::Unknown)), (1, 0));
     }
 
@@ -64,20 +85,20 @@ mod tests {
     fn what_is_far_or_behind_a_wall_stays_unknown() {
         let open = room(|_| Cell::Unknown);
         let mut slice = open.clone();
-        fill_blind_spot(&mut slice, &open, &Point2::origin(), 1.0);
+        fill(&mut slice, &open, &Point2::origin(), 1.0);
         let area_m2 = slice.count(Cell::Free) as f64 * 0.01;
         assert!((area_m2 - std::f64::consts::PI).abs() < 0.15, "{area_m2}");
         // A wall that only the eye's own height shows, or only the slice.
         let with_wall = room(|at| if (0.5..0.6).contains(&at.x) { Cell::Occupied } else { Cell::Unknown });
         for (mut slice, at_eye) in [(open.clone(), &with_wall), (with_wall.clone(), &open)] {
-            fill_blind_spot(&mut slice, at_eye, &Point2::origin(), 1.0);
+            fill(&mut slice, at_eye, &Point2::origin(), 1.0);
             assert_eq!(slice.at(&Point2::new(0.45, 0.0)), Cell::Free);
             assert_ne!(slice.at(&Point2::new(0.55, 0.0)), Cell::Free);
             assert_eq!(slice.at(&Point2::new(0.65, 0.0)), Cell::Unknown);
         }
         // Outside of the map there is nothing to do.
         let mut slice = open.clone();
-        fill_blind_spot(&mut slice, &open, &Point2::new(9.0, 0.0), 1.0);
+        fill(&mut slice, &open, &Point2::new(9.0, 0.0), 1.0);
         assert_eq!(slice, open);
     }
 }

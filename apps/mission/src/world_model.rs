@@ -13,7 +13,7 @@ use omni_perception::{
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
-use crate::blind_spot::fill_blind_spot;
+use crate::blind_spot::BlindSpot;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -123,6 +123,8 @@ pub struct WorldModel {
     blind_m: f64,
     /// Rise of the steepest ray upwards, per metre of way: how far away a height over the eye comes into sight.
     steepest_rise: f64,
+    /// What that hid at the first refresh.
+    blind_spot: Option<BlindSpot>,
     /// Where the LiDAR was at the newest scan.
     eye: Point3<f64>,
     /// Height of the floor.
@@ -189,6 +191,7 @@ impl WorldModel {
             navigation: NavigationMap::new(robot),
             blind_m: f64::INFINITY,
             steepest_rise: 0.0,
+            blind_spot: None,
             eye: Point3::origin(),
             floor_m,
             body_height_m,
@@ -323,19 +326,19 @@ impl WorldModel {
         self.steepest_rise = self.steepest_rise.max(f64::from(up));
     }
 
-    /// The slice of the rooms, what is straight over the robot's head taken for open.
-    fn room_slice(&self) -> OccupancyGrid {
-        const MOST_BLIND_M: f64 = 1.5;
+    /// The slice of the rooms; what is over the robot's head at the first time stays open until it is seen.
+    fn room_slice(&mut self) -> OccupancyGrid {
         let mut slice = self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
-        let over_m = self.floor_m + ROOM_SLICE_M.1 - self.eye.z;
-        if over_m > 0.0 && self.steepest_rise > 0.0 {
-            let eye = self.eye.xy();
-            let reach_m = (over_m / self.steepest_rise).min(MOST_BLIND_M);
-            let window = [eye.x - reach_m, eye.y - reach_m, eye.x + reach_m, eye.y + reach_m];
-            let voxel_m = self.config.volume.voxel_m;
-            let at_eye = self.volume.slice(self.eye.z - voxel_m, self.eye.z + voxel_m, Some(window));
-            fill_blind_spot(&mut slice, &at_eye, &eye, reach_m + voxel_m);
-        }
+        let spot = self.blind_spot.get_or_insert_with(|| {
+            const CELL_M: f64 = 0.1;
+            const MOST_BLIND_M: f64 = 1.5;
+            let eye = self.eye;
+            let over_m = self.floor_m + ROOM_SLICE_M.1 - eye.z;
+            let reach_m = (over_m / self.steepest_rise.max(1e-3) + CELL_M).min(MOST_BLIND_M);
+            let at_eye = self.volume.slice(eye.z - CELL_M, eye.z + CELL_M, None);
+            BlindSpot::new(&slice, &at_eye, &eye.xy(), reach_m)
+        });
+        spot.fill(&mut slice);
         slice
     }
 
