@@ -9,10 +9,12 @@
 
 use nalgebra::{Point2, Point3};
 use topo_ph::{HysteresisConfig, HysteresisError, NO_PART, PinchConfig, grid_graph, pinch, pinch_from};
-use volumetric_map::{OccupancyGrid, clearance, fill_islands};
+use volumetric_map::{Cell, OccupancyGrid, clearance, fill_islands};
 
 use crate::overhead::Overhead;
 
+/// Rays are so far apart where a slice ends to be seen, 15 m away; walls are thicker, and their faces are seen.
+const MOST_SLIT_M: f64 = 0.15;
 /// The clearance under a lintel counts for so much.
 const UNDER_LINTEL: f32 = 0.1;
 
@@ -119,7 +121,9 @@ impl RoomMap {
         config: &RoomConfig,
         before: Option<&RoomMap>,
     ) -> Result<RoomMap, HysteresisError> {
-        // 1. Furniture is filled: what ends below the lintels, and what stands alone and is no wall.
+        // 1. Far away rays are apart, and between them nobody has looked. Furniture is filled: what ends below the lintels, and what
+        //    stands alone and is no wall.
+        let slice = &without_slits(slice);
         let overhead = above.map(|above| Overhead::new(slice, above));
         let fill = |grid: &OccupancyGrid| fill_islands(grid, config.island_area_m2, config.island_side_m);
         let grid = match &overhead {
@@ -234,10 +238,34 @@ impl RoomMap {
     }
 }
 
+/// A slice in which unknown slits are free: up to [`MOST_SLIT_M`] between two free cells of a row or a column.
+fn without_slits(slice: &OccupancyGrid) -> OccupancyGrid {
+    let most = (MOST_SLIT_M / slice.resolution_m).round() as usize;
+    let mut filled = slice.clone();
+    let mut walk = |line: &mut dyn Iterator<Item = usize>| {
+        let mut slit: Option<Vec<usize>> = None;
+        for cell in line {
+            match (slice.cells[cell], &mut slit) {
+                (Cell::Free, _) => {
+                    for cell in slit.take().into_iter().flatten() {
+                        filled.cells[cell] = Cell::Free;
+                    }
+                    slit = Some(Vec::new());
+                }
+                (Cell::Unknown, Some(cells)) if cells.len() < most => cells.push(cell),
+                _ => slit = None,
+            }
+        }
+    };
+    let (width, height) = (slice.width, slice.height);
+    (0..height).for_each(|iy| walk(&mut (0..width).map(|ix| iy * width + ix)));
+    (0..width).for_each(|ix| walk(&mut (0..height).map(|iy| iy * width + ix)));
+    filled
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use volumetric_map::Cell;
 
     /// Two rooms of 4 m x 4 m, a wall of one cell between them, a door of 1 m in its middle.
     fn two_rooms() -> OccupancyGrid {
@@ -348,6 +376,34 @@ mod tests {
         };
         assert_eq!((rooms(20, false), rooms(20, true)), (1, 2));
         assert_eq!((rooms(40, false), rooms(40, true)), (1, 1));
+    }
+
+    #[test]
+    fn slits_between_far_rays_part_no_room() {
+        // A corridor of 12 m x 2 m, seen from its left end: beyond 6 m only every third row.
+        let (width, height, resolution_m) = (240, 40, 0.05);
+        let cell = |(ix, iy): (usize, usize)| {
+            let is_wall = ix == 0 || iy == 0 || iy + 1 == height;
+            let is_slit = ix > 120 && iy % 3 != 1;
+            if is_wall {
+                Cell::Occupied
+            } else if is_slit {
+                Cell::Unknown
+            } else {
+                Cell::Free
+            }
+        };
+        let cells = (0..width * height).map(|at| cell((at % width, at / width))).collect();
+        let slice = OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells };
+        let map = RoomMap::new(&slice, None, &RoomConfig::default()).unwrap();
+        assert_eq!(map.rooms.len(), 1);
+        assert!((map.rooms[0].area_m2 - 12.0 * 1.9).abs() < 0.6, "{:?}", map.rooms);
+        // A gap of half a metre that nobody has looked into stays.
+        let mut wide = slice.clone();
+        (0..wide.cells.len())
+            .filter(|at| (60..70).contains(&(at % width)))
+            .for_each(|at| wide.cells[at] = Cell::Unknown);
+        assert_eq!(RoomMap::new(&wide, None, &RoomConfig::default()).unwrap().rooms.len(), 2);
     }
 
     #[test]
