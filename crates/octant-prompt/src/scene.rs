@@ -6,7 +6,7 @@ use dsg::{Aabb, ObjectId, RoomId, SceneGraph};
 use nalgebra::Point3;
 
 use crate::oriented_box::OrientedBox;
-use crate::vocabulary::{Class, kind_probabilities, normalise};
+use crate::vocabulary::{Class, kind_probabilities, material, normalise};
 
 /// One thing of the scene.
 #[derive(Debug, Clone)]
@@ -23,6 +23,8 @@ pub struct Thing {
     pub words: String,
     /// Name of its colour, if the graph holds one.
     pub color_name: Option<String>,
+    /// What it is made of, in its canonical word ("wood"), if the graph holds that.
+    pub material: Option<String>,
     /// Index into [`Scene::rooms`].
     pub room: Option<usize>,
     /// A point on its front face, if known.
@@ -103,6 +105,11 @@ impl Scene {
                 color: object.color.map(|rgb| rgb.map(f64::from)),
                 words,
                 color_name: object.attributes.get("color").map(|name| normalise(name)),
+                material: object
+                    .attributes
+                    .get("material")
+                    .and_then(|name| material(&normalise(name)))
+                    .map(str::to_owned),
                 room,
                 front: None,
                 oriented: None,
