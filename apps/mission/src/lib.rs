@@ -14,6 +14,7 @@ pub mod approach;
 pub mod archive;
 pub mod autopilot;
 pub mod body;
+pub mod chat_stream;
 pub mod config;
 pub mod coverage;
 pub mod cycle;

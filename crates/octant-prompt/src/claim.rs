@@ -51,6 +51,16 @@ impl Claim {
         matches!(self, Claim::Nth(n, _) if *n > 1)
     }
 
+    /// The other things it is about.
+    pub fn anchors(&self) -> Vec<usize> {
+        match *self {
+            Claim::On(a) | Claim::Under(a) | Claim::LeftOf(a) | Claim::RightOf(a) => vec![a],
+            Claim::Nth(_, Order::ClosestTo(a) | Order::FarthestFrom(a)) => vec![a],
+            Claim::Between(a, b) => vec![a, b],
+            Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) => Vec::new(),
+        }
+    }
+
     /// The same claim about other indices; None if one has no counterpart.
     pub fn with_anchors(&self, counterpart: &dyn Fn(usize) -> Option<usize>) -> Option<Claim> {
         Some(match self {

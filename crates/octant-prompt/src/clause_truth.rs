@@ -174,8 +174,8 @@ fn comes_before(order: Order, around: &Surroundings, first: usize, second: usize
         Order::FarthestFrom(anchor) => is_nearer(COUNTED_M, b, a, around.bounds(anchor)),
         Order::Largest => size_m(a) > SEEN_RATIO * size_m(b),
         Order::Smallest => SEEN_RATIO * size_m(a) < size_m(b),
-        Order::Highest => height_m(a) > height_m(b) + STACKED_M,
-        Order::Lowest => height_m(a) + STACKED_M < height_m(b),
+        Order::Highest => is_higher(a, b),
+        Order::Lowest => is_higher(b, a),
         Order::FromLeft | Order::FromRight => {
             // Somebody who sees both at once; 0.02 rad is a hand's breadth across the room.
             let turn_rad = turn_rad(&around.eye, a, b) * if order == Order::FromLeft { -1.0 } else { 1.0 };
@@ -192,6 +192,12 @@ fn is_nearer(seen_m: f64, a: &Aabb, b: &Aabb, to: &Aabb) -> bool {
     let middles_m =
         |a: &Aabb| (0..3).map(|k| (a.min[k] + a.max[k] - to.min[k] - to.max[k]).powi(2)).sum::<f64>().sqrt() / 2.0;
     gap_m(a) + seen_m < gap_m(b) || (gap_m(a) <= gap_m(b) + 1e-9 && middles_m(a) + seen_m < middles_m(b))
+}
+
+/// Seen at once, or closely where one lies over the other.
+fn is_higher(a: &Aabb, b: &Aabb) -> bool {
+    let rise_m = height_m(a) - height_m(b);
+    rise_m > COUNTED_M || (rise_m > STACKED_M && overlap_share(a, b) > 0.5)
 }
 
 fn size_m(bounds: &Aabb) -> f64 {

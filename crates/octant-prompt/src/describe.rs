@@ -33,6 +33,8 @@ pub struct Description {
     pub group: Option<Group>,
     /// What it claims beyond the class.
     pub claims: Vec<Claim>,
+    /// The other things it names, by index, each with the claim that tells it from others of its class, if there are any.
+    pub anchors: Vec<(usize, Option<Claim>)>,
     /// Whether a claim depends on where the viewer stands.
     pub is_view_dependent: bool,
 }
@@ -84,32 +86,80 @@ pub fn describe_from_a_view(scene: &Scene, id: ObjectId) -> Option<Description> 
 fn first(scene: &Scene, id: ObjectId, wanted: Wanted) -> Option<Description> {
     let index = scene.things.iter().position(|thing| thing.id == id)?;
     let whole = Surroundings::whole(scene);
-    // In a building nobody knows from where left and right are meant, until a room is named.
-    let over_all =
-        if scene.rooms.len() < 2 { Some(wanted) } else { (wanted != Wanted::FromView).then_some(Wanted::WithoutView) };
-    over_all.and_then(|wanted| shortest(&whole, None, index, wanted)).or_else(|| {
-        let (name, things) = own_room(scene, index)?;
+    if scene.rooms.len() < 2 {
+        return shortest(&whole, None, index, wanted);
+    }
+    // In a building nobody knows from where left and right are meant, until a room is named; nor does anybody count through all rooms.
+    if wanted != Wanted::FromView && whole.twins(index).is_empty() {
+        let only = Speaker::new(&whole, None, index, Wanted::WithoutView).says(None, Vec::new());
+        if is_understood(&only.text, scene, id) {
+            return Some(only);
+        }
+    }
+    names_of_room(scene, index).into_iter().find_map(|name| {
+        let things = things_in(scene, &name);
+        let is_one_room = things.iter().all(|other| scene.things[*other].room == scene.things[index].room);
+        let wanted = match wanted {
+            Wanted::Any if !is_one_room => Wanted::WithoutView,
+            Wanted::FromView if !is_one_room => return None,
+            wanted => wanted,
+        };
         shortest(&Surroundings::of(scene, things), Some(&name), index, wanted)
     })
 }
 
-/// The name of the thing's room and the things of all rooms that are called so; None without a room or a name.
-fn own_room(scene: &Scene, index: usize) -> Option<(String, Vec<usize>)> {
-    let room = &scene.rooms[scene.things[index].room?];
-    let name = room.kind.as_ref().map_or(room.name.as_str(), |(kind, _)| kind.as_str());
-    if scene.rooms.len() < 2 || name.is_empty() {
-        return None;
+/// What the room of a thing may be called: by its kind if it is the only one, else by its kind and a thing that only it holds
+/// ("office with the printer"), else by such a thing alone.
+fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
+    /// Most things that are tried as a mark of the room.
+    const MAX_MARKS: usize = 3;
+    let Some(room) = scene.things[index].room else { return Vec::new() };
+    let facts = &scene.rooms[room];
+    let name = facts.kind.as_ref().map_or(facts.name.as_str(), |(kind, _)| kind.as_str());
+    let is_a_number = name.is_empty() || name.starts_with("room ");
+    let holds = |room: usize, label: &str| {
+        (0..scene.things.len()).any(|other| scene.things[other].room == Some(room) && scene.label(other) == label)
+    };
+    let mut names = Vec::new();
+    let mut bases = vec!["room"];
+    if !is_a_number {
+        bases.insert(0, name);
     }
-    Some((name.to_string(), things_in(scene, name)))
+    for base in bases {
+        let rooms: Vec<usize> = (0..scene.rooms.len()).filter(|other| is_called(scene, *other, base)).collect();
+        if rooms.len() == 1 {
+            names.push(base.to_string());
+        }
+        let mut marks: Vec<&str> = (0..scene.things.len())
+            .filter(|other| scene.things[*other].room == Some(room) && scene.label(*other) != scene.label(index))
+            .map(|other| scene.label(other))
+            .filter(|label| !is_hull(label) && rooms.iter().all(|other| *other == room || !holds(*other, label)))
+            .collect();
+        marks.sort_unstable();
+        marks.dedup();
+        names.extend(marks.into_iter().take(MAX_MARKS).map(|mark| format!("{base} with the {mark}")));
+        if rooms.len() > 1 && base != "room" {
+            names.push(base.to_string());
+        }
+    }
+    names
 }
 
-/// The things of all rooms that are called `name`, by their own name or by their kind.
+/// Whether a room is called so, by its own name or by its kind; every one is a room.
+fn is_called(scene: &Scene, room: usize, name: &str) -> bool {
+    let facts = &scene.rooms[room];
+    name == "room" || facts.name == name || facts.kind.as_ref().is_some_and(|(kind, _)| kind == name)
+}
+
+/// The things of all rooms that are called `name`: "office", "office with the printer", "room with the sofa".
 pub fn things_in(scene: &Scene, name: &str) -> Vec<usize> {
-    let is_called = |room: usize| {
-        let facts = &scene.rooms[room];
-        facts.name == name || facts.kind.as_ref().is_some_and(|(kind, _)| kind == name)
+    let (base, mark) = name.split_once(" with the ").map_or((name, None), |(base, mark)| (base, Some(mark)));
+    let holds = |room: usize, label: &str| {
+        (0..scene.things.len()).any(|other| scene.things[other].room == Some(room) && scene.label(other) == label)
     };
-    (0..scene.things.len()).filter(|index| scene.things[*index].room.is_some_and(is_called)).collect()
+    let is_meant = |room: usize| is_called(scene, room, base) && mark.is_none_or(|mark| holds(room, mark));
+    let rooms: Vec<bool> = (0..scene.rooms.len()).map(is_meant).collect();
+    (0..scene.things.len()).filter(|index| scene.things[*index].room.is_some_and(|room| rooms[room])).collect()
 }
 
 fn shortest(around: &Surroundings, room: Option<&str>, index: usize, wanted: Wanted) -> Option<Description> {
@@ -163,7 +213,8 @@ struct Speaker<'a> {
     wanted: Wanted,
     /// Things that may say where this one is, and what they are called.
     anchors: Vec<usize>,
-    names: FxHashMap<usize, String>,
+    /// The name of each, and the claim in it.
+    names: FxHashMap<usize, (String, Option<Claim>)>,
     /// Claims that hold of it among all of its class, in the order in which people prefer them.
     claims: Vec<Claim>,
 }
@@ -171,9 +222,10 @@ struct Speaker<'a> {
 impl<'a> Speaker<'a> {
     fn new(around: &'a Surroundings<'a>, room: Option<&'a str>, index: usize, wanted: Wanted) -> Speaker<'a> {
         let named = anchors(around, index);
-        let anchors: Vec<usize> = named.iter().map(|(anchor, _)| *anchor).collect();
+        let anchors: Vec<usize> = named.iter().map(|(anchor, ..)| *anchor).collect();
         let claims = true_claims(around, index, &anchors);
-        Speaker { around, room, index, wanted, anchors, names: named.into_iter().collect(), claims }
+        let named = named.into_iter().map(|(anchor, name, claim)| (anchor, (name, claim)));
+        Speaker { around, room, index, wanted, anchors, names: named.collect(), claims }
     }
 
     fn is_wanted(&self, claims: &[&Claim]) -> bool {
@@ -185,7 +237,7 @@ impl<'a> Speaker<'a> {
     }
 
     fn name(&self, anchor: usize) -> String {
-        self.names.get(&anchor).cloned().unwrap_or_default()
+        self.names.get(&anchor).map_or_else(String::new, |(name, _)| name.clone())
     }
 
     /// No claim, one, two; the shortest first.
@@ -255,14 +307,17 @@ impl<'a> Speaker<'a> {
             format!("of the {} {all}, ", group.count)
         });
         let text = format!("{room}{apart}the {}", noun_phrase(label, &claims, &name));
+        let named = group.iter().map(|group| &group.by).chain(&claims).flat_map(Claim::anchors);
+        let anchors =
+            named.map(|anchor| (anchor, self.names.get(&anchor).and_then(|(_, claim)| claim.clone()))).collect();
         let is_view_dependent = group.iter().map(|group| &group.by).chain(&claims).any(Claim::is_view_dependent);
-        Description { text, room: self.room.map(str::to_owned), group, claims, is_view_dependent }
+        Description { text, room: self.room.map(str::to_owned), group, claims, anchors, is_view_dependent }
     }
 }
 
 /// Things that may say where this one is, the nearest first, with what they are called: by their class if they are the only ones of it
 /// (these first), else by one claim about such a one ("table closest to the door").
-fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String)> {
+fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String, Option<Claim>)> {
     let scene = around.scene;
     let own = &scene.things[index].bounds;
     let mut others: Vec<(f64, usize)> = around
@@ -283,10 +338,12 @@ fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String)> {
                 && !claim.is_ordinal()
                 && singles_out(None, std::slice::from_ref(claim), around, other)
         })?;
-        Some((other, noun_phrase(scene.label(other), &[claim], &|anchor| scene.label(anchor).to_string())))
+        let words =
+            noun_phrase(scene.label(other), std::slice::from_ref(&claim), &|anchor| scene.label(anchor).to_string());
+        Some((other, words, Some(claim)))
     });
-    let described: Vec<(usize, String)> = described.collect();
-    only.into_iter().map(|other| (other, scene.label(other).to_string())).chain(described).collect()
+    let described: Vec<(usize, String, Option<Claim>)> = described.collect();
+    only.into_iter().map(|other| (other, scene.label(other).to_string(), None)).chain(described).collect()
 }
 
 /// All orders, in the order in which people prefer them.
