@@ -53,10 +53,10 @@ impl Scene {
         Scene::new(&seed.to_string(), building)
     }
 
-    /// A small place of work with a laboratory in it: four rooms, about the things of the paper's Table I.
+    /// A place of work with a laboratory in it, seven rooms: twice the rooms and more of the paper's Table I.
     pub fn lab(seed: u64, robot: &RobotModel) -> Result<Scene> {
-        const ROOMS: u32 = 4;
-        /// Every few buildings have a laboratory.
+        const ROOMS: u32 = 7;
+        /// About every tenth building of this size has a laboratory.
         const TRIES: u64 = 200;
         let (min_door_m, passage_m) = needs_of(robot);
         for seed in (0..TRIES).map(|k| seed.wrapping_add(k)) {

@@ -166,7 +166,7 @@ fn recorded_rooms(path: &std::path::Path, count: usize, written: &mut Vec<Value>
         for (_, thing) in scene.things.iter().enumerate().filter(|(index, _)| !is_hull(scene.label(*index))) {
             // What `describe` returns has passed: speaker, listener and checker see the same boxes.
             let found = described(scene, thing.id);
-            let passed = Verdict { is_accepted: true, is_cross_room: false };
+            let passed = Verdict { is_accepted: true, fault: "", is_cross_room: false };
             tally.add(&counted(&found, [0, 1, 2].map(|at| found[at].as_ref().map(|_| passed))));
             let text = |at: usize| found[at].as_ref().map(|found: &Description| found.text.as_str());
             lines.push(json!({"scene": name, "id": thing.id.0, "text": text(0), "vi": text(1), "vd": text(2)}));
@@ -189,9 +189,9 @@ fn laboratories(
     let robot = load_robot(None, RobotKind::Ground)?;
     let config = RunConfig { cpu_scope: CpuScope::Thread, ..RunConfig::default() };
     let labs = on_each_core(options.labs as usize, |at| {
-        let surveyed = survey_lab(&robot, options.seed + at as u64, &config);
+        let surveyed = survey_lab(&robot, options.seed + at as u64, &config)?;
         eprintln!("laboratory {} of {} surveyed", at + 1, options.labs);
-        surveyed.map(|surveyed| (Lab::new(&surveyed), surveyed))
+        anyhow::Ok((Lab::new(&surveyed), surveyed))
     })?;
     let labs = labs.into_iter().collect::<Result<Vec<(Lab, SurveyedLab)>>>()?;
     let mut tally = Tally::default();
@@ -203,7 +203,7 @@ fn laboratories(
             let row = |at: usize| {
                 let found: &Description = found[at].as_ref()?;
                 Some(
-                    json!({"text": found.text, "accepted": verdicts[at]?.is_accepted, "cross_room": verdicts[at]?.is_cross_room}),
+                    json!({"text": found.text, "fault": verdicts[at]?.fault, "cross_room": verdicts[at]?.is_cross_room}),
                 )
             };
             let id = lab.known.things[index].id.0;

@@ -29,6 +29,8 @@ pub struct Lab {
 pub struct Verdict {
     /// True of this thing and of no other with its label, and found by the listener.
     pub is_accepted: bool,
+    /// What is wrong first, in a word: `no such thing`, `label`, `claims`, `listener`; empty if it is accepted.
+    pub fault: &'static str,
     /// It names a room in which the thing is not, or sends the listener to another room.
     pub is_cross_room: bool,
 }
@@ -62,21 +64,35 @@ impl Lab {
             |thing: usize| found.room.as_ref().is_some_and(|room| !things_in(&self.truth, room).contains(&thing));
         let is_cross_room =
             thing.is_some_and(|thing| is_named_wrongly(thing) || heard_in.is_some_and(|room| room != room_of(thing)));
-        let is_heard = thing.is_some_and(|thing| heard == Some(self.truth.things[thing].id));
-        Verdict { is_accepted: is_heard && self.is_true(found, index), is_cross_room }
+        let is_labelled = |thing: usize| self.truth.label(thing) == self.known.label(index);
+        let fault = match thing {
+            None => "no such thing",
+            Some(thing) if !is_labelled(thing) => "label",
+            Some(_) if !self.is_true(found, index) => "claims",
+            Some(thing) if heard != Some(self.truth.things[thing].id) => "listener",
+            Some(_) => "",
+        };
+        Verdict { is_accepted: fault.is_empty(), fault, is_cross_room }
     }
 
     /// Judges a text about the known thing at `index` that somebody else wrote.
     pub fn check_text(&self, text: &str, index: usize) -> Verdict {
         let Some(thing) = self.thing_of[index] else {
-            return Verdict { is_accepted: false, is_cross_room: false };
+            return Verdict { is_accepted: false, fault: "no such thing", is_cross_room: false };
         };
         let heard = understood(text, &self.truth);
         let heard_in =
             heard.and_then(|id| self.truth.things.iter().find(|thing| thing.id == id)).map(|thing| thing.room);
-        let is_heard = heard == Some(self.truth.things[thing].id);
+        let fault = if !is_true_of_one_alone(text, &self.truth, thing) {
+            "claims"
+        } else if heard != Some(self.truth.things[thing].id) {
+            "listener"
+        } else {
+            ""
+        };
         Verdict {
-            is_accepted: is_heard && is_true_of_one_alone(text, &self.truth, thing),
+            is_accepted: fault.is_empty(),
+            fault,
             is_cross_room: heard_in.is_some_and(|room| room != self.truth.things[thing].room),
         }
     }

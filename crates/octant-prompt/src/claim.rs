@@ -7,9 +7,12 @@ pub enum Claim {
     Color(&'static str),
     Material(String),
     On(usize),
+    In(usize),
     Under(usize),
     LeftOf(usize),
     RightOf(usize),
+    InFrontOf(usize),
+    Behind(usize),
     Between(usize, usize),
     /// The n-th (from 1) in an order of all things of its class.
     Nth(u32, Order),
@@ -40,10 +43,12 @@ pub struct Group {
 }
 
 impl Claim {
-    /// Left and right are those of somebody in the middle of the room, who looks at the anchor or over the things he counts.
+    /// Left, right, in front and behind are those of somebody in the middle of the room, who looks at the anchor or over the things he
+    /// counts.
     pub fn is_view_dependent(&self) -> bool {
         let by_order = |order: &Order| matches!(order, Order::FromLeft | Order::FromRight);
-        matches!(self, Claim::LeftOf(_) | Claim::RightOf(_)) || matches!(self, Claim::Nth(_, order) if by_order(order))
+        matches!(self, Claim::LeftOf(_) | Claim::RightOf(_) | Claim::InFrontOf(_) | Claim::Behind(_))
+            || matches!(self, Claim::Nth(_, order) if by_order(order))
     }
 
     /// Counted among all of the class, beyond the first.
@@ -54,7 +59,8 @@ impl Claim {
     /// The other things it is about.
     pub fn anchors(&self) -> Vec<usize> {
         match *self {
-            Claim::On(a) | Claim::Under(a) | Claim::LeftOf(a) | Claim::RightOf(a) => vec![a],
+            Claim::On(a) | Claim::In(a) | Claim::Under(a) | Claim::LeftOf(a) | Claim::RightOf(a) => vec![a],
+            Claim::InFrontOf(a) | Claim::Behind(a) => vec![a],
             Claim::Nth(_, Order::ClosestTo(a) | Order::FarthestFrom(a)) => vec![a],
             Claim::Between(a, b) => vec![a, b],
             Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) => Vec::new(),
@@ -65,9 +71,12 @@ impl Claim {
     pub fn with_anchors(&self, counterpart: &dyn Fn(usize) -> Option<usize>) -> Option<Claim> {
         Some(match self {
             Claim::On(a) => Claim::On(counterpart(*a)?),
+            Claim::In(a) => Claim::In(counterpart(*a)?),
             Claim::Under(a) => Claim::Under(counterpart(*a)?),
             Claim::LeftOf(a) => Claim::LeftOf(counterpart(*a)?),
             Claim::RightOf(a) => Claim::RightOf(counterpart(*a)?),
+            Claim::InFrontOf(a) => Claim::InFrontOf(counterpart(*a)?),
+            Claim::Behind(a) => Claim::Behind(counterpart(*a)?),
             Claim::Between(a, b) => Claim::Between(counterpart(*a)?, counterpart(*b)?),
             Claim::Nth(n, Order::ClosestTo(a)) => Claim::Nth(*n, Order::ClosestTo(counterpart(*a)?)),
             Claim::Nth(n, Order::FarthestFrom(a)) => Claim::Nth(*n, Order::FarthestFrom(counterpart(*a)?)),
@@ -83,9 +92,12 @@ impl Claim {
             Claim::Color(word) => before(word),
             Claim::Material(word) => before(if word == "wood" { "wooden" } else { word }),
             Claim::On(a) => after(format!("on the {}", name(*a))),
+            Claim::In(a) => after(format!("in the {}", name(*a))),
             Claim::Under(a) => after(format!("under the {}", name(*a))),
             Claim::LeftOf(a) => after(format!("left of the {}", name(*a))),
             Claim::RightOf(a) => after(format!("right of the {}", name(*a))),
+            Claim::InFrontOf(a) => after(format!("in front of the {}", name(*a))),
+            Claim::Behind(a) => after(format!("behind the {}", name(*a))),
             Claim::Between(a, b) => after(format!("between the {} and the {}", name(*a), name(*b))),
             Claim::Nth(1, Order::ClosestTo(a)) => after(format!("closest to the {}", name(*a))),
             Claim::Nth(1, Order::FarthestFrom(a)) => after(format!("farthest from the {}", name(*a))),

@@ -1,5 +1,5 @@
 //! Is a claim about a thing true, and of that thing alone? Looked up in the boxes by plain inequalities, without the operators of the
-//! grounder.
+//! grounder. Where the boxes were measured ([`Scene::box_error_m`]), only what their error cannot turn round is true.
 
 use dsg::Aabb;
 use nalgebra::{Point3, Vector2};
@@ -96,6 +96,8 @@ const SEEN_M: f64 = 0.2;
 const COUNTED_M: f64 = SEEN_M / 2.0;
 /// Difference of heights that people see in a stack, metres.
 const STACKED_M: f64 = 0.03;
+/// Least offset of what is left or right of a thing, in front of it or behind it, metres.
+const BESIDE_M: f64 = 0.3;
 /// Ratio of sizes that people see.
 const SEEN_RATIO: f64 = 1.15;
 
@@ -114,12 +116,17 @@ pub fn is_true(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usi
             let dz_m = own.min.z - around.bounds(anchor).max.z;
             overlap_share(own, around.bounds(anchor)) > 0.5 && dz_m.abs() < 0.1
         }
+        Claim::In(anchor) => share_inside(own, around.bounds(anchor)) > 0.7,
         Claim::Under(anchor) => {
             let anchor = around.bounds(anchor);
             overlap_share(own, anchor) > 0.5 && anchor.min.z - own.max.z > -0.05
         }
-        Claim::LeftOf(anchor) => side_m(&around.eye, own, around.bounds(anchor)) > 0.3,
-        Claim::RightOf(anchor) => side_m(&around.eye, own, around.bounds(anchor)) < -0.3,
+        Claim::LeftOf(anchor) => beside_m(around, index, anchor).x > BESIDE_M + around.scene.box_error_m,
+        Claim::RightOf(anchor) => beside_m(around, index, anchor).x < -BESIDE_M - around.scene.box_error_m,
+        // What has a front has it whoever looks.
+        Claim::InFrontOf(anchor) | Claim::Behind(anchor) if around.scene.things[anchor].front.is_some() => false,
+        Claim::InFrontOf(anchor) => beside_m(around, index, anchor).y < -BESIDE_M - around.scene.box_error_m,
+        Claim::Behind(anchor) => beside_m(around, index, anchor).y > BESIDE_M + around.scene.box_error_m,
         Claim::Between(a, b) => is_between(own, around.bounds(a), around.bounds(b)),
         // The first must stand out; who counts further compares pair by pair.
         Claim::Nth(1, order) if !matches!(order, Order::FromLeft | Order::FromRight) => {
@@ -154,28 +161,28 @@ fn is_one_color(a: &str, b: &str) -> bool {
 
 /// Whether `own` is so far before `rival` that one looks at nothing else.
 fn stands_out(order: Order, around: &Surroundings, own: usize, rival: usize) -> bool {
-    let (a, b) = (around.bounds(own), around.bounds(rival));
+    let (a, b, doubt_m) = (around.bounds(own), around.bounds(rival), around.scene.box_error_m);
     match order {
-        Order::ClosestTo(anchor) => is_nearer(SEEN_M, a, b, around.bounds(anchor)),
-        Order::FarthestFrom(anchor) => is_nearer(SEEN_M, b, a, around.bounds(anchor)),
-        Order::Largest => size_m(a) > SEEN_RATIO * size_m(b),
-        Order::Smallest => SEEN_RATIO * size_m(a) < size_m(b),
-        Order::Highest => height_m(a) > height_m(b) + SEEN_M,
-        Order::Lowest => height_m(a) + SEEN_M < height_m(b),
+        Order::ClosestTo(anchor) => is_nearer(SEEN_M + doubt_m, a, b, around.bounds(anchor)),
+        Order::FarthestFrom(anchor) => is_nearer(SEEN_M + doubt_m, b, a, around.bounds(anchor)),
+        Order::Largest => is_larger(a, b, doubt_m),
+        Order::Smallest => is_larger(b, a, doubt_m),
+        Order::Highest => height_m(a) > height_m(b) + SEEN_M + doubt_m,
+        Order::Lowest => height_m(a) + SEEN_M + doubt_m < height_m(b),
         Order::FromLeft | Order::FromRight => comes_before(order, around, own, rival),
     }
 }
 
 /// Whether somebody who counts meets `first` before `second`, and sees that it is so.
 fn comes_before(order: Order, around: &Surroundings, first: usize, second: usize) -> bool {
-    let (a, b) = (around.bounds(first), around.bounds(second));
+    let (a, b, doubt_m) = (around.bounds(first), around.bounds(second), around.scene.box_error_m);
     match order {
-        Order::ClosestTo(anchor) => is_nearer(COUNTED_M, a, b, around.bounds(anchor)),
-        Order::FarthestFrom(anchor) => is_nearer(COUNTED_M, b, a, around.bounds(anchor)),
-        Order::Largest => size_m(a) > SEEN_RATIO * size_m(b),
-        Order::Smallest => SEEN_RATIO * size_m(a) < size_m(b),
-        Order::Highest => is_higher(a, b),
-        Order::Lowest => is_higher(b, a),
+        Order::ClosestTo(anchor) => is_nearer(COUNTED_M + doubt_m, a, b, around.bounds(anchor)),
+        Order::FarthestFrom(anchor) => is_nearer(COUNTED_M + doubt_m, b, a, around.bounds(anchor)),
+        Order::Largest => is_larger(a, b, doubt_m),
+        Order::Smallest => is_larger(b, a, doubt_m),
+        Order::Highest => is_higher(a, b, doubt_m),
+        Order::Lowest => is_higher(b, a, doubt_m),
         Order::FromLeft | Order::FromRight => {
             // Somebody who sees both at once; 0.02 rad is a hand's breadth across the room.
             let turn_rad = turn_rad(&around.eye, a, b) * if order == Order::FromLeft { -1.0 } else { 1.0 };
@@ -194,9 +201,13 @@ fn is_nearer(seen_m: f64, a: &Aabb, b: &Aabb, to: &Aabb) -> bool {
     gap_m(a) + seen_m < gap_m(b) || (gap_m(a) <= gap_m(b) + 1e-9 && middles_m(a) + seen_m < middles_m(b))
 }
 
+fn is_larger(a: &Aabb, b: &Aabb, doubt_m: f64) -> bool {
+    size_m(a) - doubt_m > SEEN_RATIO * (size_m(b) + doubt_m)
+}
+
 /// Seen at once, or closely where one lies over the other.
-fn is_higher(a: &Aabb, b: &Aabb) -> bool {
-    let rise_m = height_m(a) - height_m(b);
+fn is_higher(a: &Aabb, b: &Aabb, doubt_m: f64) -> bool {
+    let rise_m = height_m(a) - height_m(b) - doubt_m;
     rise_m > COUNTED_M || (rise_m > STACKED_M && overlap_share(a, b) > 0.5)
 }
 
@@ -208,14 +219,19 @@ fn height_m(bounds: &Aabb) -> f64 {
     0.5 * (bounds.min.z + bounds.max.z)
 }
 
-/// Metres to the left of the anchor for somebody at `eye` who looks at it; zero if it is rather in front or behind.
-fn side_m(eye: &Point3<f64>, own: &Aabb, anchor: &Aabb) -> f64 {
-    let center = |bounds: &Aabb| Vector2::new(0.5 * (bounds.min.x + bounds.max.x), 0.5 * (bounds.min.y + bounds.max.y));
-    let ahead = center(anchor) - eye.xy().coords;
-    let Some(ahead) = ahead.try_normalize(0.3) else { return 0.0 };
+/// Metres to the left of the anchor and beyond it, for somebody at the eye who looks at it. The smaller of the two is zero if it is less than half
+/// of the other, and both are if neither is much larger: then people say neither. So they do beyond 3 m.
+fn beside_m(around: &Surroundings, own: usize, anchor: usize) -> Vector2<f64> {
+    /// Farther away, nobody says "beside".
+    const FAR_M: f64 = 3.0;
+    let center = |index: usize| around.bounds(index).center().xy().coords;
+    let ahead = center(anchor) - around.eye.xy().coords;
+    let Some(ahead) = ahead.try_normalize(0.3) else { return Vector2::zeros() };
     let offset = center(own) - center(anchor);
     let (left_m, far_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
-    if left_m.abs() > 2.0 * far_m.abs() && left_m.abs() < 3.0 { left_m } else { 0.0 }
+    let only =
+        |value: f64, other: f64| if value.abs() > 2.0 * other.abs() && value.abs() < FAR_M { value } else { 0.0 };
+    Vector2::new(only(left_m, far_m), only(far_m, left_m))
 }
 
 /// By how much somebody at `eye` turns left from `own` to `other`, radians.
@@ -238,6 +254,15 @@ fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {
     let along = (s - p).dot(&axis) / (length_m * length_m);
     let across_m = ((s - p).x * axis.y - (s - p).y * axis.x).abs() / length_m;
     (0.2..0.8).contains(&along) && across_m < 0.4
+}
+
+/// Share of the box that lies within the other.
+fn share_inside(a: &Aabb, b: &Aabb) -> f64 {
+    let share = |k: usize| {
+        let side_m = (a.max[k] - a.min[k]).max(0.01);
+        ((a.max[k].min(b.max[k]) - a.min[k].max(b.min[k])).max(0.0) / side_m).min(1.0)
+    };
+    (0..3).map(share).product()
 }
 
 /// Share of the smaller footprint that lies over the other.

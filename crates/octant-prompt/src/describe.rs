@@ -20,7 +20,7 @@ use crate::color_truth::COLORS;
 use crate::grounding::{Scene, ground, room_score};
 use crate::parser::parse_referring;
 use crate::refer_set::{middle, middle_of};
-use crate::vocabulary::plural;
+use crate::vocabulary::{Class, is_small, plural, room_kind};
 
 /// A description that passed.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +96,7 @@ fn first(scene: &Scene, id: ObjectId, wanted: Wanted) -> Option<Description> {
             return Some(only);
         }
     }
-    names_of_room(scene, index).into_iter().find_map(|name| {
+    let in_room = names_of_room(scene, index).into_iter().find_map(|name| {
         let things = things_in(scene, &name);
         let is_one_room = things.iter().all(|other| scene.things[*other].room == scene.things[index].room);
         let wanted = match wanted {
@@ -105,7 +105,10 @@ fn first(scene: &Scene, id: ObjectId, wanted: Wanted) -> Option<Description> {
             wanted => wanted,
         };
         shortest(&Surroundings::of(scene, things), Some(&name), index, wanted)
-    })
+    });
+    // A thing in a room without a name is found by what the whole building says about it, if at all.
+    let without_room = || (wanted != Wanted::FromView).then(|| shortest(&whole, None, index, Wanted::WithoutView));
+    in_room.or_else(|| without_room().flatten())
 }
 
 /// What the room of a thing may be called: by its kind if it is the only one, else by its kind and a thing that only it holds
@@ -115,7 +118,13 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
     const MAX_MARKS: usize = 3;
     let Some(room) = scene.things[index].room else { return Vec::new() };
     let facts = &scene.rooms[room];
-    let name = facts.kind.as_ref().map_or(facts.name.as_str(), |(kind, _)| kind.as_str());
+    /// Below this the kind of a room is a guess that may send people elsewhere.
+    const LEAST_CONFIDENCE: f64 = 0.5;
+    let name = match &facts.kind {
+        Some((kind, confidence)) if *confidence >= LEAST_CONFIDENCE => kind.as_str(),
+        Some(_) => "",
+        None => facts.name.as_str(),
+    };
     let is_a_number = name.is_empty() || name.starts_with("room ");
     let holds = |room: usize, label: &str| {
         (0..scene.things.len()).any(|other| scene.things[other].room == Some(room) && scene.label(other) == label)
@@ -135,7 +144,8 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
             .map(|other| scene.label(other))
             .filter(|label| !is_hull(label) && rooms.iter().all(|other| *other == room || !holds(*other, label)))
             .collect();
-        marks.sort_unstable();
+        // Large things are seen by everybody.
+        marks.sort_unstable_by_key(|label| (is_small(&Class::new(label)), *label));
         marks.dedup();
         names.extend(marks.into_iter().take(MAX_MARKS).map(|mark| format!("{base} with the {mark}")));
         if rooms.len() > 1 && base != "room" {
@@ -145,10 +155,11 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
     names
 }
 
-/// Whether a room is called so, by its own name or by its kind; every one is a room.
+/// Whether a room is called so, by its own name or by its kind ("study" is "office"); every one is a room.
 fn is_called(scene: &Scene, room: usize, name: &str) -> bool {
     let facts = &scene.rooms[room];
-    name == "room" || facts.name == name || facts.kind.as_ref().is_some_and(|(kind, _)| kind == name)
+    let kind = |name: &str| room_kind(name).map(str::to_owned).unwrap_or_else(|| name.to_owned());
+    name == "room" || facts.name == name || facts.kind.as_ref().is_some_and(|(own, _)| kind(own) == kind(name))
 }
 
 /// The things of all rooms that are called `name`: "office", "office with the printer", "room with the sofa".
@@ -334,9 +345,7 @@ fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String, Option<Cl
     let only: Vec<usize> = only.into_iter().take(MAX_ANCHORS).collect();
     let described = many.into_iter().take(MAX_ANCHORS / 2).filter_map(|other| {
         let claim = true_claims(around, other, &only).into_iter().find(|claim| {
-            !claim.is_view_dependent()
-                && !claim.is_ordinal()
-                && singles_out(None, std::slice::from_ref(claim), around, other)
+            !claim.is_view_dependent() && singles_out(None, std::slice::from_ref(claim), around, other)
         })?;
         let words =
             noun_phrase(scene.label(other), std::slice::from_ref(&claim), &|anchor| scene.label(anchor).to_string());
@@ -365,12 +374,15 @@ fn true_claims(around: &Surroundings, index: usize, anchors: &[usize]) -> Vec<Cl
     let counted = (2..=(rivals.len() as u32 + 1).min(MAX_COUNT))
         .flat_map(|n| orders.iter().map(move |order| Claim::Nth(n, *order)));
     let all = each(Claim::On)
+        .chain(each(Claim::In))
         .chain(each(Claim::Under))
         .chain(COLORS.map(Claim::Color))
         .chain(material)
         .chain(orders.iter().map(|order| Claim::Nth(1, *order)))
         .chain(each(Claim::LeftOf))
         .chain(each(Claim::RightOf))
+        .chain(each(Claim::InFrontOf))
+        .chain(each(Claim::Behind))
         .chain(betweens)
         .chain(counted);
     all.filter(|claim| is_true(claim, around, index, &rivals)).collect()

@@ -52,6 +52,9 @@ pub struct RoomFacts {
     pub floor: i32,
 }
 
+/// Error of the faces of a mapped box, metres: two voxels.
+const MAPPED_BOX_ERROR_M: f64 = 0.1;
+
 /// Everything the grounder knows.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
@@ -63,6 +66,8 @@ pub struct Scene {
     pub classes: Vec<Class>,
     /// Storey of the viewer.
     pub floor: i32,
+    /// How far the faces of the boxes may be off, metres: two voxels for a map, zero for the truth and for recorded boxes.
+    pub box_error_m: f64,
     index: HashMap<String, u32>,
 }
 
@@ -77,7 +82,7 @@ impl Scene {
 
     /// Reads a scene graph. `floor` is the storey the robot is on. Movers (people) are left out as targets only by their class.
     pub fn from_graph(graph: &SceneGraph, floor: i32) -> Scene {
-        let mut scene = Scene { floor, ..Scene::default() };
+        let mut scene = Scene { floor, box_error_m: MAPPED_BOX_ERROR_M, ..Scene::default() };
         let room_index: HashMap<RoomId, usize> =
             graph.rooms().enumerate().map(|(index, room)| (room.id, index)).collect();
         let mut contents: Vec<Vec<u32>> = vec![Vec::new(); room_index.len()];

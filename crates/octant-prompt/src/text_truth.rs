@@ -89,11 +89,14 @@ fn relation_holds(
     let any = |make: &dyn Fn(usize) -> Claim| Some(first.iter().any(|anchor| holds(at, make(*anchor))));
     match clause.relation {
         SpatialRelation::On => any(&Claim::On),
+        SpatialRelation::Inside => any(&Claim::In),
         SpatialRelation::Under => any(&Claim::Under),
         SpatialRelation::Supporting => Some(first.iter().any(|anchor| holds(*anchor, Claim::On(at)))),
         SpatialRelation::Above => Some(first.iter().any(|anchor| holds(*anchor, Claim::Under(at)))),
         SpatialRelation::LeftOf => any(&Claim::LeftOf),
         SpatialRelation::RightOf => any(&Claim::RightOf),
+        SpatialRelation::InFrontOf => any(&Claim::InFrontOf),
+        SpatialRelation::Behind => any(&Claim::Behind),
         SpatialRelation::Closest => any(&|anchor| Claim::Nth(n, Order::ClosestTo(anchor))),
         SpatialRelation::Farthest => any(&|anchor| Claim::Nth(n, Order::FarthestFrom(anchor))),
         SpatialRelation::Near => Some(first.iter().any(|anchor| bounds(at).gap_m(bounds(*anchor)) <= NEAR_M)),

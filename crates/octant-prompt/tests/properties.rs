@@ -388,8 +388,10 @@ mod descriptions {
             prop_assert!(seen.iter().all(|found| found.is_view_dependent));
             prop_assert_eq!(shortest.is_some(), plain.is_some() || seen.is_some());
             if let Some(shortest) = &shortest {
-                let others =
-                    plain.iter().chain(&seen).filter(|other| other.room == shortest.room && other.group.is_none());
+                let others = plain
+                    .iter()
+                    .chain(&seen)
+                    .filter(|other| other.room == shortest.room && other.group.is_none() && shortest.group.is_none());
                 prop_assert!(others.into_iter().all(|other| other.words() >= shortest.words()), "{}", shortest.text);
             }
             for found in [shortest, plain, seen].into_iter().flatten() {
