@@ -97,6 +97,8 @@ pub struct RoomItem {
     pub distance_m: f64,
     /// Whether it holds a class the instruction mentions, or is named by it.
     pub is_asked: bool,
+    /// The class words in it that the instruction mentions, sorted.
+    pub asked: Vec<String>,
     /// Its objects by group (sorted by name) and class.
     pub groups: Vec<GroupItem>,
     /// Number of its objects.
@@ -536,13 +538,22 @@ fn room_item(view: &View, other: &Other, mut rows: Vec<Row>, classes: &Classes) 
             classes: runs(&members, classes),
         }
     };
+    let mut asked: Vec<String> = rows
+        .iter()
+        .map(|row| &classes.facts[row.class])
+        .filter(|facts| facts.is_asked)
+        .map(|facts| facts.token.clone())
+        .collect();
+    asked.sort_unstable();
+    asked.dedup();
     RoomItem {
         id: other.id,
         name: room_name(other.id),
         label: other.room.and_then(|room| own_name(&room.name)),
         bearing: Bearing::of(&other.in_body),
         distance_m: other.distance_m,
-        is_asked: other.is_named || rows.iter().any(|row| classes.facts[row.class].is_asked),
+        is_asked: other.is_named || !asked.is_empty(),
+        asked,
         objects: rows.len(),
         groups: groups.into_iter().map(group_item).collect(),
     }

@@ -217,7 +217,7 @@ mod prompts {
                     continue; // already in the first
                 }
                 let decoded = decode(&first.text);
-                let named: Vec<&(String, String, f64)> = decoded.areas.iter().flat_map(|area| &area.first).filter(|(class, ..)| class == "mug").collect();
+                let named: Vec<&(String, String, f64)> = decoded.areas.iter().flat_map(|area| &area.first).chain(&decoded.hidden_first).filter(|(class, ..)| class == "mug").collect();
                 prop_assert_eq!(named.len(), 1, "at {} tokens:\n{}", budget, first.text);
                 let Some(Named::Room(room)) = first.names.get(&named[0].1) else { panic!("{} is a name", named[0].1) };
                 prop_assert_eq!(Some(room), target.room);
