@@ -79,6 +79,8 @@ pub mod lexicon;
 pub mod messages;
 mod modifiers;
 pub mod names;
+mod nfc;
+mod nfc_tables;
 mod noun_phrase;
 pub mod octant;
 pub mod oriented_box;
