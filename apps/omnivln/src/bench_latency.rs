@@ -249,7 +249,8 @@ fn page(flat: &[Decision], ours: &[Decision], model: &str) -> String {
         note: &format!(
             "\"go to the nearest ...\" on the nine scenes, {} decisions with each format, asked of: {model}. Milliseconds, but for the retries. \
              Network is the opening of a connection, the first token and the answer are those of the first request; the decision holds all \
-             of it. The paper measured its decisions with a large model on other machines.",
+             of it. The in-process reader is no model: with it, everything but the model's thinking is measured. The paper measured whole decisions with a \
+             large model on other machines.",
             flat.len()
         ),
         columns: ["", "build", "network", "first token", "answer", "retries", "decision"].map(str::to_string).to_vec(),
