@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use self::corridors::{Corridors, Outcome, Settings};
 use self::forest::Forest;
 
-/// Largest file that is read.
+/// Largest file of problems that is read.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// Speed limit and price of a second.
@@ -163,7 +163,8 @@ impl Problems {
     }
 }
 
-fn read(path: &std::path::Path) -> Result<String> {
+/// The text of a file of problems.
+pub fn read(path: &std::path::Path) -> Result<String> {
     let place = || path.display().to_string();
     let size = std::fs::metadata(path).with_context(place)?.len();
     if size > MAX_BYTES {

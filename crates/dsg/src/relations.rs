@@ -11,7 +11,7 @@ use crate::object::Object;
 use crate::op::{ConfigError, Op, OpError};
 use crate::relation::{Evidence, EvidenceSource, Relation, RelationKey, RelationKind, Verdict};
 use crate::sight::{blocking_point, parting_wall};
-use crate::support::supports;
+use crate::support::{Standing, standing};
 
 /// Distances at which relations hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,9 +103,10 @@ pub fn update_relations(
     config.validate()?;
     let mut report = RelationReport::default();
     let mut found = Vec::new();
-    let carrier_of = supports(graph, config);
-    for (a, b) in neighbours(graph, config) {
-        candidates(graph, a, b, &carrier_of, config, &mut found);
+    let pairs = neighbours(graph, config);
+    let standing = standing(graph, &pairs, config);
+    for (a, b) in pairs {
+        candidates(graph, a, b, &standing, config, &mut found);
     }
     found.sort_unstable_by_key(|candidate| candidate.relation.key());
     let within = found.iter().map(|candidate| &candidate.relation).filter(|r| r.kind == RelationKind::Inside);
@@ -122,7 +123,7 @@ pub fn update_relations(
         }
     }
     keep_nearest(&mut found, config.max_near);
-    for mut candidate in between(&found, config) {
+    for mut candidate in between(&found, &standing, config) {
         let known = graph.relations.get(&candidate.relation.key()).map(|known| known.evidence);
         ask(&mut candidate, known, verify, config, &mut report);
         found.push(candidate);
@@ -204,7 +205,7 @@ fn candidates<'a>(
     graph: &SceneGraph,
     a: &'a Object,
     b: &'a Object,
-    carrier_of: &BTreeMap<ObjectId, ObjectId>,
+    standing: &Standing,
     config: &RelationConfig,
     found: &mut Vec<Candidate<'a>>,
 ) {
@@ -219,16 +220,17 @@ fn candidates<'a>(
     let are_in_two_rooms = matches!((a.room, b.room), (Some(a), Some(b)) if a != b);
     let directions = if are_in_two_rooms { &[][..] } else { &[(a, b), (b, a)] };
     for &(subject, object) in directions {
-        if let Some(kind) = contact(subject, object, config) {
-            return found.push(candidate(subject, kind, object));
+        match standing.carrier_of.get(&subject.id) {
+            Some((kind, carrier)) if *carrier == object.id => return found.push(candidate(subject, *kind, object)),
+            _ => {}
         }
-        if carrier_of.get(&subject.id) == Some(&object.id) {
-            return found.push(candidate(subject, RelationKind::On, object));
+        if contact(subject, object, config) == Some(RelationKind::Under) {
+            return found.push(candidate(subject, RelationKind::Under, object));
         }
     }
     for &(subject, object) in directions {
         // What is carried begins at the top that carries it.
-        let carrier = carrier_of.get(&subject.id).and_then(|carrier| graph.object(*carrier));
+        let carrier = standing.carrier_of.get(&subject.id).and_then(|(_, carrier)| graph.object(*carrier));
         let bottom_m = carrier.map_or(subject.bounds.min.z, |o| o.bounds.max.z.min(subject.bounds.min.z));
         if is_above(subject, bottom_m, object, config) {
             found.push(candidate(subject, RelationKind::Above, object));
@@ -318,15 +320,14 @@ fn keep_nearest(candidates: &mut Vec<Candidate>, max_near: usize) {
 }
 
 /// Things that stand between two others they are near to: the angle between the two is at least 150 degrees. At most two per
-/// subject, the closest. All three stand on the same: on the floor, or on one table; a mug is not between chair and wall.
-fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Candidate<'a>> {
-    const COS_150_DEG: f64 = -0.866;
+/// subject, the closest. All three stand on the same: on the floor, or on one table; a mug is not between chair and wall. Middles are
+/// measured to [`HERE_M`], so the angle has to be larger by what that makes.
+fn between<'a>(candidates: &[Candidate<'a>], standing: &Standing, config: &RelationConfig) -> Vec<Candidate<'a>> {
+    const OPPOSITE_RAD: f64 = 150.0 * std::f64::consts::PI / 180.0;
     const HEIGHT_M: f64 = 0.6;
     const HERE_M: f64 = 0.05;
-    let carries = |kind| matches!(kind, RelationKind::On | RelationKind::Inside);
-    let carried = candidates.iter().map(|candidate| &candidate.relation).filter(|relation| carries(relation.kind));
-    let carrier_of: BTreeMap<ObjectId, ObjectId> =
-        carried.map(|relation| (relation.subject, relation.object)).collect();
+    let carrier_of = |object: &Object| standing.carrier_of.get(&object.id).map(|(_, carrier)| *carrier);
+    let is_floating = |object: &Object| standing.floating.contains(&object.id);
     let near = candidates.iter().filter(|candidate| candidate.is_near());
     let mut ends: Vec<(&Object, &Object)> =
         near.flat_map(|near| [(near.subject, near.object), (near.object, near.subject)]).collect();
@@ -340,13 +341,18 @@ fn between<'a>(candidates: &[Candidate<'a>], config: &RelationConfig) -> Vec<Can
         around.extend(of_one.iter().filter_map(|(_, other)| {
             let to = other.centroid - subject.centroid;
             let distance_m = to.xy().norm();
-            let is_level = to.z.abs() <= HEIGHT_M && carrier_of.get(&subject.id) == carrier_of.get(&other.id);
-            (is_level && distance_m > HERE_M).then_some((*other, to.xy(), distance_m))
+            let is_level = to.z.abs() <= HEIGHT_M && carrier_of(subject) == carrier_of(other);
+            (is_level && !is_floating(subject) && !is_floating(other) && distance_m > HERE_M).then_some((
+                *other,
+                to.xy(),
+                distance_m,
+            ))
         }));
         for (at, (a, to_a, distance_a)) in around.iter().enumerate() {
             for (b, to_b, distance_b) in &around[at + 1..] {
                 let span_m = distance_a + distance_b;
-                let is_opposite = to_a.dot(to_b) <= COS_150_DEG * distance_a * distance_b;
+                let unsure_rad = HERE_M / distance_a + HERE_M / distance_b;
+                let is_opposite = to_a.angle(to_b) >= OPPOSITE_RAD + unsure_rad;
                 if is_opposite && span_m <= config.between_m {
                     let evidence = Evidence {
                         verdict: Verdict::Holds,

@@ -1,11 +1,11 @@
-//! What carries a thing whose box touches nothing: nothing floats.
+//! What carries each thing. A thing stands on one other, and nothing floats.
 //!
 //! A robot sees a monitor but not its thin foot, and of a kitchen counter higher than its eyes the front but not the top. The
 //! boxes then leave a gap, or do not overlap from above, and what stands there seems to float. A thing that is neither near
 //! the floor nor of a kind that hangs on walls must stand on something: of the larger things of its room whose tops are about
 //! at its foot, on the one that is nearest to being right below it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::contact::{contact, hangs};
 use crate::graph::SceneGraph;
@@ -23,31 +23,60 @@ const SUNK_M: f64 = 0.12;
 /// The top of a thing may be unseen so far behind its front.
 const UNSEEN_TOP_M: f64 = 0.35;
 
-/// Each thing that stands on another without touching it, and the other one.
-pub(crate) fn supports(graph: &SceneGraph, config: &RelationConfig) -> BTreeMap<ObjectId, ObjectId> {
+/// What things stand on, as far as their boxes say.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Standing {
+    /// Each thing that another one carries: which one, and whether on or inside. A thing stands on one thing.
+    pub carrier_of: BTreeMap<ObjectId, (RelationKind, ObjectId)>,
+    /// Things off the floor of which nothing is known that carries them.
+    pub floating: BTreeSet<ObjectId>,
+}
+
+/// Who stands on whom: by touching (`neighbours` are the pairs that may), else by not floating.
+pub(crate) fn standing(graph: &SceneGraph, neighbours: &[(&Object, &Object)], config: &RelationConfig) -> Standing {
+    let mut best: BTreeMap<ObjectId, (bool, f64, RelationKind, ObjectId)> = BTreeMap::new();
+    for (a, b) in neighbours {
+        for (thing, other) in [(a, b), (b, a)] {
+            let are_in_two_rooms = matches!((thing.room, other.room), (Some(a), Some(b)) if a != b);
+            let kind = contact(thing, other, config).filter(|kind| *kind != RelationKind::Under && !are_in_two_rooms);
+            let Some(kind) = kind else { continue };
+            // A plate is on the table, not on the chair under it between whose seat and back it seems to be; and a bottle beside a
+            // keyboard is on the desk: what ends at its foot goes first, then what is large.
+            let air_m = (thing.bounds.min.z - other.bounds.max.z).abs();
+            let is_top_at_foot = kind == RelationKind::Inside || air_m <= config.contact_m;
+            let sides_m = other.bounds.sides_m();
+            let rank = (is_top_at_foot, sides_m.x * sides_m.y, kind, other.id);
+            let known = best.entry(thing.id).or_insert(rank);
+            if (rank.0, rank.1) > (known.0, known.1) {
+                *known = rank;
+            }
+        }
+    }
+    let mut standing = Standing {
+        carrier_of: best.into_iter().map(|(id, (_, _, kind, other))| (id, (kind, other))).collect(),
+        floating: BTreeSet::new(),
+    };
     let mut of_room: BTreeMap<RoomId, Vec<&Object>> = BTreeMap::new();
     for object in graph.confirmed_objects() {
         if let Some(room) = object.room {
             of_room.entry(room).or_default().push(object);
         }
     }
-    let mut found = BTreeMap::new();
     for things in of_room.values() {
         let floor_m = things.iter().map(|thing| thing.bounds.min.z).fold(f64::INFINITY, f64::min);
         for thing in things.iter().filter(|thing| !hangs(&thing.label)) {
             let is_low = thing.bounds.min.z - floor_m < OFF_THE_FLOOR_M;
-            let rests = |kind| matches!(kind, Some(RelationKind::On | RelationKind::Inside));
-            let is_held = || things.iter().any(|o| o.id != thing.id && rests(contact(thing, o, config)));
-            if is_low || is_held() {
+            if is_low || standing.carrier_of.contains_key(&thing.id) {
                 continue;
             }
             let misfits = things.iter().filter_map(|other| Some((misfit_m(thing, other)?, other.id)));
-            if let Some((_, carrier)) = misfits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))) {
-                found.insert(thing.id, carrier);
+            match misfits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))) {
+                Some((_, carrier)) => drop(standing.carrier_of.insert(thing.id, (RelationKind::On, carrier))),
+                None => drop(standing.floating.insert(thing.id)),
             }
         }
     }
-    found
+    standing
 }
 
 /// How far a thing is from standing right on another; `None` if the other cannot carry it.
@@ -77,7 +106,10 @@ mod tests {
             let object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(at as u64 + 1), label, bounds) };
             graph.apply(Op::PutObject(Box::new(object))).unwrap();
         }
-        supports(&graph, &RelationConfig::default()).get(&ObjectId(2)).copied()
+        let things: Vec<&Object> = graph.objects().collect();
+        let pairs: Vec<(&Object, &Object)> =
+            things.iter().enumerate().flat_map(|(at, a)| things[at + 1..].iter().map(move |b| (*a, *b))).collect();
+        standing(&graph, &pairs, &RelationConfig::default()).carrier_of.get(&ObjectId(2)).map(|(_, carrier)| *carrier)
     }
 
     const DESK: (&str, [f64; 3], [f64; 3]) = ("desk", [0.0, 0.0, 0.37], [1.4, 0.7, 0.74]);
@@ -98,7 +130,15 @@ mod tests {
     }
 
     #[test]
-    fn what_touches_needs_no_guess() {
-        assert_eq!(carrier_of_second(&[DESK, ("mug", [0.0, 0.0, 0.79], [0.1, 0.1, 0.1])]), None, "it is on it anyway");
+    fn a_thing_stands_on_one_thing_and_rather_on_furniture() {
+        let mug = ("mug", [0.0, 0.0, 0.79], [0.1, 0.1, 0.1]);
+        assert_eq!(carrier_of_second(&[DESK, mug]), Some(ObjectId(1)));
+        // Its box overlaps that of the keyboard beside it, and the chair's back is higher than the desk.
+        let keyboard = ("keyboard", [0.1, 0.0, 0.76], [0.4, 0.15, 0.03]);
+        let chair = ("office chair", [0.0, -0.1, 0.5], [0.6, 0.6, 1.0]);
+        assert_eq!(carrier_of_second(&[keyboard, mug, DESK, chair]), Some(ObjectId(3)));
+        assert_eq!(carrier_of_second(&[keyboard, mug, chair]), Some(ObjectId(1)));
+        let pillow = ("pillow", [0.0, 0.0, 0.55], [0.4, 0.3, 0.1]);
+        assert_eq!(carrier_of_second(&[chair, pillow]), Some(ObjectId(1)));
     }
 }
