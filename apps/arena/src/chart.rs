@@ -63,7 +63,7 @@ pub fn bars(title: &str, unit: &str, groups: &[&str], series: &[(&str, Vec<f64>)
                 .margin(8)
                 .x_label_area_size(30)
                 .y_label_area_size(56)
-                .build_cartesian_2d(-0.5..groups.len() as f64 - 0.5, 0.0..high * (1.1 + 0.1 * series.len() as f64))?;
+                .build_cartesian_2d(-0.5..groups.len() as f64 - 0.5, 0.0..high * (1.2 + 0.11 * series.len() as f64))?; // room for the legend
             let label = |at: &f64| {
                 let index = at.round();
                 let is_middle = (at - index).abs() < 1e-6 && index >= 0.0;

@@ -14,6 +14,7 @@ pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
 pub mod floor;
+pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
@@ -42,3 +43,4 @@ pub mod workers;
 pub mod write_run;
 
 pub use mission;
+pub use omni_sim;

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use mission::robot_model::{RobotKind, RobotModel};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
-use omni_sim::building::{Building, BuildingConfig, Style, generate};
+use omni_sim::building::{Building, BuildingConfig, RoomKind, Style, generate};
 use omni_sim::scenes::{named_scene_for, scene_names};
 use omni_sim::world::{Thing, World};
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
@@ -51,6 +51,29 @@ impl Scene {
         let config = BuildingConfig { seed, rooms, style, min_door_m, passage_m, ..BuildingConfig::default() };
         let building = generate(&config).with_context(|| format!("generating the building of seed {seed}"))?;
         Scene::new(&seed.to_string(), building)
+    }
+
+    /// A place of work with a laboratory in it, seven rooms: twice the rooms and more of the paper's Table I.
+    pub fn lab(seed: u64, robot: &RobotModel) -> Result<Scene> {
+        const ROOMS: u32 = 7;
+        /// About every tenth building of this size has a laboratory.
+        const TRIES: u64 = 200;
+        let (min_door_m, passage_m) = needs_of(robot);
+        for seed in (0..TRIES).map(|k| seed.wrapping_add(k)) {
+            let config = BuildingConfig {
+                seed,
+                rooms: ROOMS,
+                style: Style::Office,
+                min_door_m,
+                passage_m,
+                ..BuildingConfig::default()
+            };
+            let building = generate(&config).with_context(|| format!("generating the building of seed {seed}"))?;
+            if building.rooms.iter().any(|room| room.kind == RoomKind::Lab) {
+                return Scene::new(&seed.to_string(), building);
+            }
+        }
+        bail!("no building with a laboratory was found from seed {seed} on")
     }
 
     /// From a building.

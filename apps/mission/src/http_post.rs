@@ -53,6 +53,20 @@ impl PostError {
 /// # Errors
 /// See [`PostError`]; nothing takes longer than `timeout_s`, and at most `max_bytes` are read.
 pub fn post_json(url: &str, request: &Value, timeout_s: f64, max_bytes: u64) -> Result<Vec<u8>, PostError> {
+    post_json_in_pieces(url, request, timeout_s, max_bytes, &mut |_| ())
+}
+
+/// The same; `arrived` is called with the body so far whenever more of a good answer has come.
+///
+/// # Errors
+/// As [`post_json`].
+pub fn post_json_in_pieces(
+    url: &str,
+    request: &Value,
+    timeout_s: f64,
+    max_bytes: u64,
+    arrived: &mut dyn FnMut(&[u8]),
+) -> Result<Vec<u8>, PostError> {
     if !url.starts_with("http://") {
         return Err(PostError::Address(url.to_owned()));
     }
@@ -68,15 +82,30 @@ pub fn post_json(url: &str, request: &Value, timeout_s: f64, max_bytes: u64) -> 
         other => unreachable(other.to_string()),
     })?;
     let status = response.status().as_u16();
+    let is_good = (200..300).contains(&status);
     let mut body = Vec::new();
-    if let Err(error) = response.body_mut().as_reader().take(max_bytes + 1).read_to_end(&mut body) {
-        let is_timeout = error.kind() == std::io::ErrorKind::TimedOut || error.to_string().contains("timeout");
-        return Err(if is_timeout { timeout() } else { unreachable(error.to_string()) });
+    let mut reader = response.body_mut().as_reader().take(max_bytes + 1);
+    let mut piece = [0_u8; 8 * 1024];
+    loop {
+        match reader.read(&mut piece) {
+            Ok(0) => break,
+            Ok(count) => {
+                body.extend_from_slice(&piece[..count]);
+                if is_good {
+                    arrived(&body);
+                }
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => {
+                let is_timeout = error.kind() == std::io::ErrorKind::TimedOut || error.to_string().contains("timeout");
+                return Err(if is_timeout { timeout() } else { unreachable(error.to_string()) });
+            }
+        }
     }
     if body.len() as u64 > max_bytes {
         return Err(PostError::TooLong { max_bytes });
     }
-    if !(200..300).contains(&status) {
+    if !is_good {
         let text: String = String::from_utf8_lossy(&body).chars().take(200).collect();
         return Err(PostError::Status { status, body: text });
     }

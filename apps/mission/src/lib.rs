@@ -15,6 +15,7 @@ pub mod archive;
 pub mod autopilot;
 pub mod blind_spot;
 pub mod body;
+pub mod chat_stream;
 pub mod config;
 pub mod coverage;
 pub mod cycle;

@@ -40,7 +40,7 @@ impl ChatConfig {
 }
 
 /// Longest body that is read: an answer has a few hundred tokens.
-const MAX_BODY_BYTES: u64 = 256 * 1024;
+pub(crate) const MAX_BODY_BYTES: u64 = 256 * 1024;
 
 /// What the server said.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,6 +110,22 @@ fn send(
     if !config.base_url.starts_with("http://") {
         return Err(ChatError::Address(config.base_url.clone()));
     }
+    let request = request_for(config, system, content, schema);
+    let url = format!("{}/chat/completions", config.base_url);
+    let mut last = ChatError::Unreadable("no request was made");
+    for _ in 0..config.attempts.max(1) {
+        match post_json(&url, &request, config.timeout_s, MAX_BODY_BYTES).map_err(|error| chat_error(error, config)) {
+            Ok(body) => return read_reply(&body),
+            // A refusal will be repeated; a broken connection may not be.
+            Err(error @ ChatError::Status { status: 400..=499, .. }) => return Err(error),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+/// The body of a request.
+pub(crate) fn request_for(config: &ChatConfig, system: &str, content: Value, schema: Option<(&str, &Value)>) -> Value {
     let mut request = json!({
         "model": config.model,
         "temperature": 0,
@@ -123,30 +139,21 @@ fn send(
         request["response_format"] =
             json!({"type": "json_schema", "json_schema": {"name": name, "strict": true, "schema": schema}});
     }
-    let url = format!("{}/chat/completions", config.base_url);
-    let mut last = ChatError::Unreadable("no request was made");
-    for _ in 0..config.attempts.max(1) {
-        match post(&url, &request, config.timeout_s) {
-            Ok(body) => return read_reply(&body),
-            // A refusal will be repeated; a broken connection may not be.
-            Err(error @ ChatError::Status { status: 400..=499, .. }) => return Err(error),
-            Err(error) => last = error,
-        }
-    }
-    Err(last)
+    request
 }
 
-fn post(url: &str, request: &Value, timeout_s: f64) -> Result<Vec<u8>, ChatError> {
-    post_json(url, request, timeout_s, MAX_BODY_BYTES).map_err(|error| match error {
+/// What went wrong on the way, in the words of a chat.
+pub(crate) fn chat_error(error: PostError, config: &ChatConfig) -> ChatError {
+    match error {
         PostError::Address(address) => ChatError::Address(address),
         PostError::Unreachable { url, cause } => ChatError::Unreachable { url, cause },
-        PostError::Timeout(_) => ChatError::Timeout(format!("{timeout_s:.0}")),
+        PostError::Timeout(_) => ChatError::Timeout(format!("{:.0}", config.timeout_s)),
         PostError::Status { status, body } => ChatError::Status { status, body },
         PostError::TooLong { .. } => ChatError::Unreadable("it is longer than 256 KiB"),
-    })
+    }
 }
 
-fn read_reply(body: &[u8]) -> Result<ChatReply, ChatError> {
+pub(crate) fn read_reply(body: &[u8]) -> Result<ChatReply, ChatError> {
     let value: Value = serde_json::from_slice(body).map_err(|_| ChatError::Unreadable("it is not JSON"))?;
     let text = value
         .pointer("/choices/0/message/content")

@@ -7,8 +7,9 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use arena::mission::dsg::SceneGraph;
 use arena::mission::octant_prompt::{
-    BytePairs, Estimate, Prompt, PromptConfig, SymbolicReasoner, TokenCounter, build_prompt, build_prompt_for,
-    caption_free, flat_json, flat_text, flat_text_in_body, reply_schema, system_text, tools, user_text,
+    BytePairs, Critic, Critique, Estimate, Prompt, PromptConfig, Reply, SymbolicReasoner, TokenCounter, build_prompt,
+    build_prompt_for, caption_free, decide_with_critic, flat_json, flat_text, flat_text_in_body, reply_schema,
+    system_text, tools, user_text,
 };
 use arena::whole_file::write_whole;
 use clap::Args;
@@ -112,7 +113,7 @@ pub fn prompt_of(graph: &SceneGraph, pose: &Isometry3<f64>, instruction: &str, c
 }
 
 /// A configuration whose budget cuts nothing here.
-fn roomy() -> PromptConfig {
+pub fn roomy() -> PromptConfig {
     PromptConfig { budget_tokens: 100_000, camera_height_m: CAMERA_HEIGHT_M, ..PromptConfig::default() }
 }
 
@@ -128,26 +129,39 @@ fn texts(graph: &SceneGraph, instruction: &str, counter: &dyn TokenCounter) -> [
     ]
 }
 
-/// All that goes over the line until an action is accepted: system text, prompt, schema with its enum, tools, and an answer in full.
+/// All that goes over the line until an action is accepted: for every attempt system text, prompt with the objections so far, schema with its
+/// enum, tools, and an answer in full.
 fn episode(graph: &SceneGraph, text: &str, counter: &dyn TokenCounter) -> Result<usize> {
-    let (prompt, reply) = in_situation(graph, text, |situation| {
-        (build_prompt_for(situation, &roomy(), counter), SymbolicReasoner::default().reply(situation))
-    });
-    let reply = reply?;
+    /// As a mission asks.
+    const MAX_RETRIES: usize = 2;
+    in_situation(graph, text, |situation| {
+        let prompt = build_prompt_for(situation, &roomy(), counter);
+        let (mut asked, mut fallback) = (SymbolicReasoner::default(), SymbolicReasoner::default());
+        let record = decide_with_critic(&mut asked, &Critic::default(), situation, &prompt, MAX_RETRIES, &mut fallback);
+        let every_time =
+            [system_text().to_string(), reply_schema(&prompt.names).to_string(), tools::definitions().to_string()];
+        let every_time: usize = every_time.iter().map(|text| counter.count(text)).sum();
+        let mut objections: Vec<Critique> = Vec::new();
+        let mut tokens = 0;
+        for attempt in &record.attempts {
+            let reply = attempt.outcome.as_ref().map_err(|error| error.clone())?;
+            tokens +=
+                every_time + counter.count(&user_text(&prompt, &objections)) + counter.count(&answer(reply, &prompt));
+            objections.extend(attempt.objection.clone());
+        }
+        Ok(tokens)
+    })
+}
+
+/// A reply as a model would write it: all steps and the action.
+fn answer(reply: &Reply, prompt: &Prompt) -> String {
     let action = reply.action.text(&prompt.names);
     let (verb, target) = action.trim_end_matches(')').split_once('(').unwrap_or((&action, ""));
     let said = |index: usize| reply.trace.get(index).map_or("", |line| line.output.as_str());
-    let answer = json!({
+    json!({
         "room": said(0), "direction": said(1), "group": said(2), "object": said(3), "action": verb, "target": target,
-    });
-    let sent = [
-        system_text().to_string(),
-        user_text(&prompt, &[]),
-        reply_schema(&prompt.names).to_string(),
-        tools::definitions().to_string(),
-        answer.to_string(),
-    ];
-    Ok(sent.iter().map(|text| counter.count(text)).sum())
+    })
+    .to_string()
 }
 
 /// One building.

@@ -3,6 +3,7 @@
 mod ask;
 mod barcode;
 mod bench;
+mod bench_latency;
 mod bench_page;
 mod bench_reg;
 mod bench_tiers;
@@ -11,6 +12,7 @@ mod dsg;
 mod floor_of_places;
 mod fuse;
 mod json_lines;
+mod local_model;
 mod map;
 mod memory;
 mod nine_scenes;
@@ -23,6 +25,8 @@ mod record;
 mod recording_args;
 mod refer;
 mod refer_page;
+mod reg_lab;
+mod reg_model;
 mod register;
 mod rooms;
 
@@ -82,8 +86,10 @@ enum BenchCommand {
     Tokens(bench_tokens::TokensOptions),
     /// Whether a prompt says enough: right answers of readers that get nothing else
     Tiers(bench_tiers::TiersOptions),
-    /// Descriptions of things in recorded rooms: understood by the grounder, and true of the boxes
+    /// Descriptions of things in laboratories or recorded rooms: understood by the grounder, and true of the boxes
     Reg(bench_reg::RegOptions),
+    /// Where the time of a decision goes: prompt, network, first token, answer, retries
+    Latency(bench_latency::LatencyOptions),
 }
 
 fn main() -> ExitCode {
@@ -105,6 +111,7 @@ fn main() -> ExitCode {
         Command::Bench(BenchCommand::Tokens(options)) => bench_tokens::run(&options),
         Command::Bench(BenchCommand::Tiers(options)) => bench_tiers::run(&options),
         Command::Bench(BenchCommand::Reg(options)) => bench_reg::run(&options),
+        Command::Bench(BenchCommand::Latency(options)) => bench_latency::run(&options),
         Command::Refer(options) => refer::run(&options),
     };
     match result {

@@ -1,6 +1,9 @@
-//! `refer`, `bench tokens` and `bench tiers` as programs meet them: keys, files, figures, exit codes.
+//! `refer` and the benches of prompts and descriptions as programs meet them: keys, files, figures, exit codes.
 
 mod support;
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
 
 use serde_json::{Value, json as value};
 use support::{json, keys, omnivln};
@@ -150,4 +153,108 @@ fn readers_of_the_prompt_alone_are_always_right() {
     let report = json(&["bench", "tiers", "--seeds", "4", "--import", &given, "--json"]);
     assert_eq!(report["reader"], "imported");
     assert!(report["D6"]["ours"].as_f64() < Some(0.6), "{report}");
+}
+
+#[test]
+fn things_of_recorded_rooms_are_described() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [scenes, _] = files(folder.path(), SCENE, "");
+    let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_string();
+    let (out, page) = (path("out.jsonl"), path("page.html"));
+    let report = json(&["bench", "reg", "--scenes", &scenes, "--out", &out, "--html", &page, "--json"]);
+    assert_eq!(
+        keys(&report).into_iter().collect::<Vec<_>>(),
+        ["accepted", "cross_room_errors", "objects", "vd", "vi", "words_mean"]
+    );
+    assert_eq!((report["objects"].as_u64(), report["accepted"].as_f64()), (Some(5), Some(1.0)));
+    assert_eq!(report["cross_room_errors"], Value::Null, "there is one room");
+    let texts = std::fs::read_to_string(&out).expect("written");
+    assert!(texts.contains("\"the table\"") && texts.contains("the chair closest to the window"), "{texts}");
+    assert!(std::fs::read_to_string(&page).expect("written").contains("<svg"));
+    let (code, _, err) = omnivln(&["bench", "reg", "--scenes", &scenes, "--llm", "http://127.0.0.1:9/v1"]);
+    assert!(code == Some(2) && err.contains("--llm"), "{err}");
+}
+
+/// A chat server that calls everything by its name in the question, "(chair)" for example, in the language of the schema.
+fn server_that_says_the_class() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let base_url = format!("http://{}/v1", listener.local_addr().expect("bound"));
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            let mut reader = BufReader::new(stream.try_clone().expect("a second handle"));
+            let mut length = 0;
+            loop {
+                let mut line = String::new();
+                if reader.read_line(&mut line).unwrap_or(0) == 0 || line.trim().is_empty() {
+                    break;
+                }
+                if let Some(value) = line.to_lowercase().strip_prefix("content-length:") {
+                    length = value.trim().parse().unwrap_or(0);
+                }
+            }
+            let mut body = vec![0; length];
+            if length == 0 || reader.read_exact(&mut body).is_err() {
+                continue;
+            }
+            let request: Value = serde_json::from_slice(&body).unwrap_or_default();
+            let text = request["messages"][1]["content"].as_str().unwrap_or_default();
+            let class = text
+                .rsplit("Describe object ")
+                .next()
+                .and_then(|rest| rest.split(['(', ')']).nth(1))
+                .unwrap_or("thing");
+            let is_hierarchical = text.contains("Scene graph:");
+            let said = if is_hierarchical {
+                value!({"group": "g", "description": format!("the {class}")})
+            } else {
+                value!("no object")
+            };
+            let reply = value!({"choices": [{"message": {"content": said.to_string()}}]}).to_string();
+            let head =
+                format!("HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n", reply.len());
+            let _ = stream.write_all((head + &reply).as_bytes());
+        }
+    });
+    base_url
+}
+
+#[test]
+fn a_surveyed_laboratory_is_described_and_judged_by_the_truth() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.jsonl").to_str().expect("UTF-8").to_string();
+    let server = server_that_says_the_class();
+    let report = json(&["bench", "reg", "--labs", "1", "--llm", &server, "--model", "m", "--out", &out, "--json"]);
+    let count = report["objects"].as_u64().expect("a number");
+    assert!(count > 10, "{report}");
+    assert!(report["accepted"].as_f64() > Some(0.6) && report["cross_room_errors"].is_u64(), "{report}");
+    // Whoever only names the class is right about the things that are the only ones of theirs, and about no other.
+    let (named, silent) = (&report["llm_hierarchical"], &report["llm_flat"]);
+    assert_eq!((named["objects"].as_u64(), silent["accepted"].as_f64()), (Some(count), Some(0.0)));
+    let share = named["accepted"].as_f64().expect("a number");
+    assert!(share > 0.0 && share < report["accepted"].as_f64().expect("a number"), "{report}");
+    assert_eq!(named["words_mean"].as_f64().map(|mean| mean >= 2.0), Some(true));
+}
+
+#[test]
+fn the_time_of_a_decision_is_taken_apart() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = folder.path().join("page.html").to_str().expect("UTF-8").to_string();
+    let report = json(&["bench", "latency", "--decisions", "9", "--html", &page, "--json"]);
+    for format in ["flat", "ours"] {
+        let row = &report[format];
+        assert_eq!(row["n"], 9);
+        // In our prompt two rooms may be equally far; the reader in the server has no tool to ask which is nearer.
+        let least = if format == "flat" { 1.0 } else { 0.6 };
+        assert!(row["accepted"] == 1.0 && row["right"].as_f64() >= Some(least), "{report}");
+        for key in ["build_us", "network_ms", "first_token_ms", "answer_ms", "decision_ms", "retries"] {
+            let (half, most) = (row[key]["p50"].as_f64(), row[key]["p95"].as_f64());
+            assert!(half >= Some(0.0) && most >= half, "{format} {key}: {report}");
+        }
+        assert!(row["first_token_ms"]["p50"].as_f64() <= row["answer_ms"]["p50"].as_f64());
+    }
+    assert!(report["ours"]["prompt_tokens_mean"].as_f64() < report["flat"]["prompt_tokens_mean"].as_f64());
+    assert!(std::fs::read_to_string(&page).expect("written").contains("<svg"));
+    // Nobody there: said, not measured.
+    let (code, _, err) = omnivln(&["bench", "latency", "--llm", "http://127.0.0.1:9/v1", "--decisions", "1"]);
+    assert!(code == Some(2) && err.contains("127.0.0.1:9"), "{err}");
 }

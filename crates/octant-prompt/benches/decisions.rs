@@ -8,7 +8,7 @@ mod support;
 use dsg::{ObjectId, SceneGraph};
 use nalgebra::Point3;
 use octant_prompt::{
-    BytePairs, Critic, Estimate, PromptConfig, Situation, SymbolicReasoner, TokenCounter, build_prompt,
+    BytePairs, Critic, Estimate, PromptConfig, Prompter, Situation, SymbolicReasoner, TokenCounter, build_prompt,
     build_prompt_for, decide_with_critic, parse_instruction,
 };
 
@@ -63,6 +63,18 @@ fn prompt_of_10_000_objects_in_100_rooms(bencher: divan::Bencher) {
     let graph = scene(10_000, 100);
     let pose = support::pose(2.5, 2.5, 0.4);
     bencher.bench(|| build_prompt(&graph, &pose, "go to the nearest chair", &roomy(), &Estimate));
+}
+
+/// The same building once it has been sorted by rooms, from another pose.
+#[divan::bench]
+fn prompt_of_10_000_objects_after_a_step(bencher: divan::Bencher) {
+    let graph = scene(10_000, 100);
+    let prompter = Prompter::new(&graph, "go to the nearest chair");
+    let mut x = 2.0;
+    bencher.bench_local(|| {
+        x = if x > 3.0 { 2.0 } else { x + 0.01 };
+        prompter.prompt(&support::pose(x, 2.5, 0.4), &roomy(), &Estimate)
+    });
 }
 
 fn roomy() -> PromptConfig {

@@ -1,12 +1,11 @@
 //! The exact count of a model's own tokenizer: byte-level byte-pair encoding from a `tokenizer.json` (Hugging Face) that the user has.
 //!
 //! ```text
-//! text -> added tokens as they stand -> pieces by the Qwen2 split -> bytes -> merges by rank -> ids
+//! text -> added tokens as they stand -> form C, if the file asks for it -> pieces by the Qwen2 split -> bytes -> merges by rank -> ids
 //! split: (?i:'s|'t|'re|'ve|'m|'ll|'d) | [^\r\n\p{L}\p{N}]?\p{L}+ | \p{N} | ?[^\s\p{L}\p{N}]+[\r\n]* | \s*[\r\n]+ | \s+(?!\S) | \s+
 //! ```
 //! Files with another split are refused rather than miscounted. The split is scanned by hand: it needs a look-ahead, and no tables
-//! beyond those of `char` and `unicode_marks.rs`. Departure: the file's NFC step is not applied; text that is not in NFC
-//! (letters followed by combining marks) may be counted a token or two off.
+//! beyond those of `char` and `unicode_marks.rs`. A normalizer other than NFC is refused too.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -15,6 +14,7 @@ use std::io::Read;
 use rustc_hash::FxHashMap;
 use serde::Deserialize;
 
+use crate::nfc::nfc;
 use crate::tokens::TokenCounter;
 use crate::unicode_marks::MARKS;
 
@@ -35,6 +35,8 @@ pub struct BytePairs {
     bytes: [u32; 256],
     /// Tokens that are found in the text before it is split, longest first.
     added: Vec<(String, u32)>,
+    /// Whether text is brought into form C.
+    is_normalised: bool,
 }
 
 /// Why a `tokenizer.json` cannot be used.
@@ -55,6 +57,9 @@ pub enum TokenizerError {
     /// The pre-tokenizer splits in another way than Qwen's.
     #[error("pre_tokenizer must split like Qwen2 and then work on bytes; another split would be counted wrongly")]
     Split,
+    /// The file asks for a normalisation that is not known here.
+    #[error("normalizer must be null or {{\"type\": \"NFC\"}}")]
+    Normalizer,
     /// A token holds a character outside the alphabet of bytes.
     #[error("the token \"{0}\" of model.vocab is not written in byte-level characters")]
     Token(String),
@@ -70,6 +75,8 @@ pub enum TokenizerError {
 struct File {
     #[serde(default)]
     added_tokens: Vec<Added>,
+    #[serde(default)]
+    normalizer: serde_json::Value,
     pre_tokenizer: serde_json::Value,
     model: Model,
 }
@@ -114,6 +121,11 @@ impl BytePairs {
         if !splits_like_qwen(&file.pre_tokenizer) {
             return Err(TokenizerError::Split);
         }
+        let is_normalised = match &file.normalizer {
+            serde_json::Value::Null => false,
+            normalizer if normalizer["type"] == "NFC" => true,
+            _ => return Err(TokenizerError::Normalizer),
+        };
         let alphabet = byte_of_char();
         let to_bytes =
             |token: &str| -> Option<Box<[u8]>> { token.chars().map(|c| alphabet.get(&c).copied()).collect() };
@@ -146,7 +158,7 @@ impl BytePairs {
             .map(|token| (token.content, token.id))
             .collect();
         added.sort_by(|a, b| b.0.len().cmp(&a.0.len()).then(a.cmp(b)));
-        Ok(BytePairs { ids, merges, bytes, added })
+        Ok(BytePairs { ids, merges, bytes, added, is_normalised })
     }
 
     /// The ids of a text, without any that a chat template would add.
@@ -171,7 +183,9 @@ impl BytePairs {
             // The first; of several at one place the longest, which stands first.
             let next =
                 ahead.iter().zip(&self.added).filter_map(|(at, added)| Some(((*at)?, added))).min_by_key(|(at, _)| *at);
-            let mut plain = &text[done..next.map_or(text.len(), |(at, _)| at)];
+            let between = &text[done..next.map_or(text.len(), |(at, _)| at)];
+            let normalised = if self.is_normalised { nfc(between) } else { between.into() };
+            let mut plain: &str = &normalised;
             while !plain.is_empty() {
                 let (piece, remaining) = plain.split_at(piece_bytes(plain));
                 match self.ids.get(piece.as_bytes()) {
@@ -383,6 +397,9 @@ mod tests {
         let mut other = file.clone();
         other["pre_tokenizer"]["pretokenizers"][0]["pattern"]["Regex"] = r"\w+".into();
         assert!(matches!(BytePairs::read(other.to_string().as_bytes()), Err(TokenizerError::Split)));
+        let mut other = file.clone();
+        other["normalizer"] = serde_json::json!({"type": "Lowercase"});
+        assert!(matches!(BytePairs::read(other.to_string().as_bytes()), Err(TokenizerError::Normalizer)));
         let mut other = file.clone();
         other["model"]["merges"] = serde_json::json!(["a zz"]);
         assert!(matches!(BytePairs::read(other.to_string().as_bytes()), Err(TokenizerError::Merge(0))));

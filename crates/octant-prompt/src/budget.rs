@@ -1,7 +1,8 @@
 //! Fitting a prompt into its budget by dropping detail, the farthest and least relevant first.
 //!
 //! The order is fixed: areas lose their counts, then their lines (the farthest first); far rooms lose their groups, then their counts (rooms without the asked class first, the farthest first); then
-//! peripheral objects, the places beyond the second, captions, and focal objects, each from far to near. So "how much must go" is one
+//! peripheral objects, the places beyond the second, captions, and focal objects, each from far to near; last of all, where in the rooms that
+//! are folded away the nearest thing asked for is. So "how much must go" is one
 //! number, found by bisection with the real counter on the real text: O(log n) renderings.
 
 use crate::names::NameTable;
@@ -109,6 +110,7 @@ impl Plan {
             + self.places
             + self.captions
             + self.focal.len()
+            + 1
     }
 
     /// The detail after `count` steps of dropping.
@@ -138,6 +140,7 @@ impl Plan {
         let captions = take(self.captions);
         let focal = take(self.focal.len());
         let places = self.places - far_places - take(self.places.min(KEPT_PLACES));
+        let asked = take(1) == 0;
         let kept = |order: &[usize], dropped: usize| {
             let mut kept = order[dropped..].to_vec();
             kept.sort_unstable();
@@ -150,6 +153,7 @@ impl Plan {
             rooms,
             areas,
             crowd: crowd == 0,
+            asked,
             places,
             instruction_bytes: self.instruction_bytes,
         }

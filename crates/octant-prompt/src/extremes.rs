@@ -59,6 +59,11 @@ pub(crate) fn extremes(
     }
 }
 
+/// The key of every candidate, the wanted end least.
+pub(crate) fn in_order(superlative: Superlative, found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
+    keys(superlative, &(0..found.len()).collect::<Vec<_>>(), found, scene, viewer)
+}
+
 /// The key by which a superlative orders: the wanted end is the least.
 fn keys(superlative: Superlative, remaining: &[usize], found: &[Match], scene: &Scene, viewer: &Viewer) -> Vec<f64> {
     let boxes: Vec<&Aabb> = remaining.iter().map(|index| &scene.things[found[*index].index].bounds).collect();

@@ -8,8 +8,8 @@ use dsg::ObjectId;
 use nalgebra::Point3;
 
 use crate::attributes::attribute_score;
-use crate::extremes::extremes;
-use crate::instruction::{Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
+use crate::extremes::{extremes, in_order};
+use crate::instruction::{Among, Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
 use crate::relations::{Shape, Viewer, between_score, facing_front, nearness_key_m, relation_score};
 pub use crate::scene::{RoomFacts, Scene, Thing};
 use crate::singling;
@@ -189,6 +189,13 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
         each.total *= each.attributes * each.room;
         each.rank *= each.attributes * each.room;
     }
+    if let Some(among) = &goal.among {
+        let members = members(among, scene, viewer, depth);
+        for each in found.iter_mut().filter(|each| !members.contains(&each.index)) {
+            multiply(each, 0.0);
+            each.rank *= NO_MEMBER;
+        }
+    }
     for (position, clause) in goal.relations.iter().enumerate() {
         let ordinal = goal.ordinal.filter(|_| goal.ordinal_clause() == Some(position));
         relate(clause, ordinal, &mut found, scene, viewer, depth);
@@ -196,6 +203,39 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
     extremes(goal, &mut found, |each| &mut each.total, scene, viewer);
     extremes(goal, &mut found, |each| &mut each.rank, scene, viewer);
     found
+}
+
+/// What is left of a thing that is not among those that were set apart.
+const NO_MEMBER: f64 = 0.02;
+
+/// Indices of the things that are set apart: the first by the order that is named, or those that answer best.
+fn members(among: &Among, scene: &Scene, viewer: &Viewer, depth: usize) -> Vec<usize> {
+    let mut goal = among.goal.clone();
+    let by_distance = |clause: &RelationClause| {
+        !clause.negated && matches!(clause.relation, SpatialRelation::Closest | SpatialRelation::Farthest)
+    };
+    let clause = goal.relations.iter().position(by_distance).map(|at| goal.relations.remove(at));
+    let superlative = if clause.is_none() { goal.superlatives.pop() } else { None };
+    let found = matches(&goal, scene, viewer, depth + 1);
+    let keys = match (clause, superlative) {
+        (Some(clause), _) => {
+            let anchors =
+                clause.anchors.first().map_or_else(Vec::new, |anchor| matches(anchor, scene, viewer, depth + 1));
+            singling::distances(clause.relation, &found, &anchors, scene)
+        }
+        (None, Some(superlative)) => in_order(superlative, &found, scene, viewer),
+        (None, None) => vec![0.0; found.len()],
+    };
+    // Those that are about as good as the best by everything else compete by the order; the others follow.
+    let top = found.iter().map(|each| each.rank).fold(0.0, f64::max);
+    let sorting_key =
+        |(each, key): &(Match, f64)| if each.rank >= 0.9 * top { (false, *key) } else { (true, -each.rank) };
+    let mut found: Vec<(Match, f64)> = found.into_iter().zip(keys).collect();
+    found.sort_by(|a, b| {
+        let (first, second) = (sorting_key(a), sorting_key(b));
+        first.0.cmp(&second.0).then(first.1.total_cmp(&second.1)).then(a.0.id.cmp(&b.0.id))
+    });
+    found.into_iter().take(among.count as usize).map(|(each, _)| each.index).collect()
 }
 
 /// Score of each room for the goal's room, excluded rooms and storey; None when the goal names none.

@@ -84,6 +84,18 @@ pub struct Referring {
     pub ordinal: Option<u32>,
     /// From where left, right, front and behind are seen, if the text says so.
     pub view: Option<Box<View>>,
+    /// The things among which it is one: "of the 5 chairs closest to the door, ...".
+    #[serde(default)]
+    pub among: Option<Box<Among>>,
+}
+
+/// Some things that are set apart before one of them is meant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Among {
+    /// How many they are.
+    pub count: u32,
+    /// What they answer to; of more than that, those who answer best.
+    pub goal: Referring,
 }
 
 impl Referring {
@@ -109,6 +121,9 @@ impl Referring {
         }
         if let Some(view) = &self.view {
             view.anchor.visit(visit);
+        }
+        if let Some(among) = &self.among {
+            among.goal.visit(visit);
         }
     }
 }
@@ -147,6 +162,7 @@ impl fmt::Display for Referring {
             ),
         );
         words.extend(self.excluded_rooms.iter().map(|room| format!("not in the {room}")));
+        words.extend(self.among.iter().map(|among| format!("(of the {} {})", among.count, among.goal)));
         f.write_str(&words.join(" "))
     }
 }

@@ -109,8 +109,15 @@ fn mark_of_punctuation_or_word(word: &str) -> Option<Mark> {
     Some(match word {
         "," => Mark::Comma,
         "." => Mark::Stop,
-        _ => Mark::Word,
+        _ => numeral_ordinal(word).map_or(Mark::Word, Mark::Ordinal),
     })
+}
+
+/// `21st` is 21.
+fn numeral_ordinal(word: &str) -> Option<u32> {
+    let digits = ["st", "nd", "rd", "th"].iter().find_map(|ending| word.strip_suffix(ending))?;
+    let is_number = (1..=4).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| digits.parse().ok()).flatten().filter(|n| *n > 0)
 }
 
 /// Lower-case words and the marks `,` and `.`.
@@ -309,12 +316,18 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::Size(S::Narrowest), "narrow, thin, skinny, slim"),
     (Mark::Size(S::Highest), "high"),
     (Mark::Size(S::Lowest), "low"),
-    (Mark::Ordinal(1), "first, 1st"),
-    (Mark::Ordinal(2), "second, 2nd"),
-    (Mark::Ordinal(3), "third, 3rd"),
-    (Mark::Ordinal(4), "fourth, 4th"),
-    (Mark::Ordinal(5), "fifth, 5th"),
-    (Mark::Ordinal(6), "sixth, 6th"),
+    (Mark::Ordinal(1), "first"),
+    (Mark::Ordinal(2), "second"),
+    (Mark::Ordinal(3), "third"),
+    (Mark::Ordinal(4), "fourth"),
+    (Mark::Ordinal(5), "fifth"),
+    (Mark::Ordinal(6), "sixth"),
+    (Mark::Ordinal(7), "seventh"),
+    (Mark::Ordinal(8), "eighth"),
+    (Mark::Ordinal(9), "ninth"),
+    (Mark::Ordinal(10), "tenth"),
+    (Mark::Ordinal(11), "eleventh"),
+    (Mark::Ordinal(12), "twelfth"),
     (Mark::Ordinal(u32::MAX), "last"),
     (Mark::Floor(Floor::Number(0)), "on the ground floor, on the first floor, ground floor, first floor"),
     (Mark::Floor(Floor::Number(1)), "on the second floor, second floor"),

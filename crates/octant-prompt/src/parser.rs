@@ -11,7 +11,8 @@
 //! or "and", where it belongs to the head. Any text is accepted: what no rule knows is skipped, unknown words are nouns ("unicorn").
 
 use crate::instruction::{
-    Floor, Instruction, Referring, RelationClause, SpatialRelation, Step, StepKind, Superlative, View, ViewKind,
+    Among, Floor, Instruction, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind, Superlative,
+    View, ViewKind,
 };
 use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens};
 use crate::vocabulary::{Class, canonical};
@@ -51,8 +52,37 @@ pub fn parse_instruction(text: &str) -> Instruction {
 pub fn parse_referring(text: &str, known_classes: &[&str]) -> Option<Referring> {
     let known: Vec<String> = known_classes.iter().map(|name| Class::new(name).text).collect();
     let is_class = |phrase: &str| canonical(phrase).is_some() || known.iter().any(|name| name == phrase);
-    let all = tokens(text, &is_class);
-    Parser::new(&all, &known).expression()
+    let Some(fronted) = fronted_group(text) else {
+        return Parser::new(&tokens(text, &is_class), &known).expression();
+    };
+    let mut goal = Parser::new(&tokens(&fronted.rest, &is_class), &known).expression()?;
+    let mut group = Parser::new(&tokens(fronted.group, &is_class), &known).expression()?;
+    group.class.is_plural = goal.class.is_plural;
+    if goal.class.is_wildcard() {
+        goal.class = group.class.clone();
+    }
+    group.room = group.room.take().or_else(|| goal.room.clone());
+    goal.among = Some(Box::new(Among { count: fronted.count, goal: group }));
+    Some(goal)
+}
+
+struct FrontedGroup<'a> {
+    count: u32,
+    group: &'a str,
+    /// The text without it.
+    rest: String,
+}
+
+/// "in the hall, of the 5 chairs closest to the door, the leftmost": 5, "chairs closest to the door", "in the hall, the leftmost". None for any
+/// text that sets nothing apart in this form.
+fn fronted_group(text: &str) -> Option<FrontedGroup<'_>> {
+    let parts: Vec<&str> = text.split(", ").collect();
+    let at = parts.iter().position(|part| part.starts_with("of the "))?;
+    let (count, group) = parts[at].strip_prefix("of the ")?.split_once(' ')?;
+    let count = count.parse().ok().filter(|count| (2..=1000).contains(count))?;
+    let rest: Vec<&str> =
+        parts.iter().enumerate().filter(|(position, _)| *position != at).map(|(_, part)| *part).collect();
+    (at + 1 < parts.len()).then(|| FrontedGroup { count, group, rest: rest.join(", ") })
 }
 
 fn bounded(text: &str) -> String {
@@ -200,7 +230,11 @@ impl<'a> Parser<'a> {
         };
         head.relations.extend(fronted.relations);
         head.superlatives.extend(fronted.superlatives);
-        head.room = head.room.take().or(fronted.room);
+        if let Some(room) = fronted.room {
+            // "in the kitchen, the mug near the sink": all of that is in the kitchen.
+            head.relations.iter_mut().flat_map(|clause| &mut clause.anchors).for_each(|anchor| place_in(anchor, &room));
+            head.room.get_or_insert(room);
+        }
         if let Some(view) = self.view.take() {
             head.view = Some(Box::new(view));
         }
@@ -330,6 +364,14 @@ impl<'a> Parser<'a> {
         while self.mark().is_some_and(&unwanted) {
             self.at += 1;
         }
+    }
+}
+
+/// What is named after a room is in that room, unless it is said to be in another.
+fn place_in(anchor: &mut Referring, room: &RoomReference) {
+    if anchor.room.is_none() && !anchor.class.text.is_empty() {
+        anchor.room = Some(room.clone());
+        anchor.relations.iter_mut().flat_map(|clause| &mut clause.anchors).for_each(|anchor| place_in(anchor, room));
     }
 }
 

@@ -114,9 +114,14 @@ fn ranked(text: &str, scene: &Scene) -> Vec<Match> {
 
 /// At eye height over the middle of everything: where the viewer of these sets is taken to stand.
 pub fn middle(scene: &Scene) -> Point3<f64> {
+    middle_of(scene, 0..scene.things.len())
+}
+
+/// The same over some of the things.
+pub(crate) fn middle_of(scene: &Scene, things: impl Iterator<Item = usize>) -> Point3<f64> {
     /// Of somebody who stands, metres.
     const EYE_HEIGHT_M: f64 = 1.5;
-    let all = scene.things.iter().map(|thing| thing.bounds).reduce(|a, b| a.union(&b));
+    let all = things.map(|index| scene.things[index].bounds).reduce(|a, b| a.union(&b));
     all.map_or_else(Point3::origin, |all| Point3::new(all.center().x, all.center().y, EYE_HEIGHT_M))
 }
 
@@ -194,6 +199,7 @@ pub fn read_scene(line: &str) -> Result<(String, Scene), ReferSetError> {
             color: Some([r, g, b]),
             words: String::new(),
             color_name: None,
+            material: None,
             room: None,
             front: front.map(Point3::from),
             oriented,

@@ -23,6 +23,8 @@ pub struct Detail {
     pub areas: Vec<u8>,
     /// Whether the rest of a full room is counted by class.
     pub crowd: bool,
+    /// Whether, of the rooms that are folded away, the nearest is named that holds what the instruction asks for.
+    pub asked: bool,
     /// Places listed.
     pub places: usize,
     /// Bytes of the instruction.
@@ -180,10 +182,16 @@ fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
         out.push_str("Other rooms (ids: class1 is the nearest):\n");
     }
     let (mut folded_rooms, mut folded_objects, mut bare) = (0, 0, Vec::new());
+    let mut folded_asked: Vec<(&str, f64, RoomId)> = Vec::new();
     for (room, level) in tiers.rooms.iter().zip(&detail.rooms) {
         if *level == 0 {
             folded_rooms += usize::from(room.id.is_some());
             folded_objects += room.objects;
+            // A room that is named itself answers by its name.
+            let name = room.label.as_deref().filter(|_| room.is_asked && room.asked.is_empty());
+            let words = room.asked.iter().map(String::as_str).chain(name);
+            folded_asked
+                .extend(room.id.into_iter().flat_map(|id| words.clone().map(move |word| (word, room.distance_m, id))));
             continue;
         }
         if is_bare(room) {
@@ -211,12 +219,34 @@ fn rooms(out: &mut String, tiers: &Tiers, detail: &Detail, mut names: Option<&mu
         if *level == 0 {
             folded_rooms += area.rooms;
             folded_objects += area.objects;
+            folded_asked
+                .extend(area.asked.iter().map(|(token, room, distance_m)| (token.as_str(), *distance_m, *room)));
         } else {
             area_line(out, area, *level > 1, names.as_deref_mut());
         }
     }
     if folded_rooms + folded_objects > 0 {
-        put(out, format_args!("Not shown: {folded_rooms} rooms, {folded_objects} objects\n"));
+        put(out, format_args!("Not shown: {folded_rooms} rooms, {folded_objects} objects"));
+        if detail.asked {
+            nearest_folded(out, folded_asked, names);
+        }
+        out.push('\n');
+    }
+}
+
+/// `; mug in room12 17m` for each thing asked for: so that it is found in two prompts, however little fits into one.
+fn nearest_folded(out: &mut String, mut asked: Vec<(&str, f64, RoomId)>, mut names: Option<&mut NameTable>) {
+    /// Words that are told about.
+    const MOST: usize = 3;
+    asked.sort_by(|a, b| a.0.cmp(b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+    asked.dedup_by_key(|(word, ..)| *word);
+    asked.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(b.0)));
+    for (word, distance_m, room) in asked.into_iter().take(MOST) {
+        let name = room_name(Some(room));
+        put(out, format_args!("; {word} in {name} {distance_m:.0}m"));
+        if let Some(names) = names.as_deref_mut() {
+            names.insert(name, Named::Room(room));
+        }
     }
 }
 

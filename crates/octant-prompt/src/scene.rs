@@ -6,7 +6,7 @@ use dsg::{Aabb, ObjectId, RoomId, SceneGraph};
 use nalgebra::Point3;
 
 use crate::oriented_box::OrientedBox;
-use crate::vocabulary::{Class, kind_probabilities, normalise};
+use crate::vocabulary::{Class, kind_probabilities, material, normalise};
 
 /// One thing of the scene.
 #[derive(Debug, Clone)]
@@ -23,6 +23,8 @@ pub struct Thing {
     pub words: String,
     /// Name of its colour, if the graph holds one.
     pub color_name: Option<String>,
+    /// What it is made of, in its canonical word ("wood"), if the graph holds that.
+    pub material: Option<String>,
     /// Index into [`Scene::rooms`].
     pub room: Option<usize>,
     /// A point on its front face, if known.
@@ -50,6 +52,9 @@ pub struct RoomFacts {
     pub floor: i32,
 }
 
+/// Error of the faces of a mapped box, metres: two voxels.
+const MAPPED_BOX_ERROR_M: f64 = 0.1;
+
 /// Everything the grounder knows.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
@@ -61,6 +66,8 @@ pub struct Scene {
     pub classes: Vec<Class>,
     /// Storey of the viewer.
     pub floor: i32,
+    /// How far the faces of the boxes may be off, metres: two voxels for a map, zero for the truth and for recorded boxes.
+    pub box_error_m: f64,
     index: HashMap<String, u32>,
 }
 
@@ -75,7 +82,7 @@ impl Scene {
 
     /// Reads a scene graph. `floor` is the storey the robot is on. Movers (people) are left out as targets only by their class.
     pub fn from_graph(graph: &SceneGraph, floor: i32) -> Scene {
-        let mut scene = Scene { floor, ..Scene::default() };
+        let mut scene = Scene { floor, box_error_m: MAPPED_BOX_ERROR_M, ..Scene::default() };
         let room_index: HashMap<RoomId, usize> =
             graph.rooms().enumerate().map(|(index, room)| (room.id, index)).collect();
         let mut contents: Vec<Vec<u32>> = vec![Vec::new(); room_index.len()];
@@ -103,6 +110,11 @@ impl Scene {
                 color: object.color.map(|rgb| rgb.map(f64::from)),
                 words,
                 color_name: object.attributes.get("color").map(|name| normalise(name)),
+                material: object
+                    .attributes
+                    .get("material")
+                    .and_then(|name| material(&normalise(name)))
+                    .map(str::to_owned),
                 room,
                 front: None,
                 oriented: None,

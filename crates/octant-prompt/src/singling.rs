@@ -194,6 +194,11 @@ pub(crate) fn nth(relation: SpatialRelation, n: u32, found: &[Match], anchors: &
     found.iter().map(|each| if Some(each.id) == wanted { 1.0 } else { FLOOR }).collect()
 }
 
+/// The key by which candidates are ordered, the nearest (or the farthest) first.
+pub(crate) fn distances(relation: SpatialRelation, found: &[Match], anchors: &[Match], scene: &Scene) -> Vec<f64> {
+    keys_m(found, &worthy(anchors), scene, if relation == SpatialRelation::Farthest { -1.0 } else { 1.0 })
+}
+
 /// Distance of each candidate to its nearest anchor, times `sign`.
 fn keys_m(found: &[Match], anchors: &[(f64, usize)], scene: &Scene, sign: f64) -> Vec<f64> {
     found

@@ -97,6 +97,8 @@ pub struct RoomItem {
     pub distance_m: f64,
     /// Whether it holds a class the instruction mentions, or is named by it.
     pub is_asked: bool,
+    /// The class words in it that the instruction mentions, sorted.
+    pub asked: Vec<String>,
     /// Its objects by group (sorted by name) and class.
     pub groups: Vec<GroupItem>,
     /// Number of its objects.
@@ -165,14 +167,14 @@ const RING_GROWTH: f64 = 3.0;
 /// Rings are not counted beyond this.
 const MAX_RING: i32 = 20;
 
-struct ClassFacts {
+pub(crate) struct ClassFacts {
     token: String,
     group: &'static str,
-    is_asked: bool,
+    pub(crate) is_asked: bool,
 }
 
 #[derive(Clone, Copy)]
-struct Row {
+pub(crate) struct Row {
     id: ObjectId,
     class: usize,
     in_body: Point3<f64>,
@@ -181,14 +183,14 @@ struct Row {
 
 /// Where the objects of a room are described.
 #[derive(Clone, Copy)]
-enum Part {
+pub(crate) enum Part {
     Here,
     Line(usize),
     Area(usize),
 }
 
 /// Another room, before its objects are known.
-struct Other<'a> {
+pub(crate) struct Other<'a> {
     id: Option<RoomId>,
     room: Option<&'a dsg::Room>,
     in_body: Point3<f64>,
@@ -197,65 +199,129 @@ struct Other<'a> {
 }
 
 /// Sorts. Cost: linear in objects and places, O(n log n) in rooms and in the objects of the own room and of the rooms with a line.
+/// [`crate::tier_index`] does the same without touching all objects again, for another pose in the same graph.
 pub fn tiers(view: &View) -> Tiers {
     let position = Point3::from(view.world_from_body.translation.vector);
     let here = room_of(view.graph, &position);
-    let others = others(view, here);
-    let is_lined = lined(&others);
-    let (mut parts, mut lines, mut areas) = (FxHashMap::default(), Vec::new(), Vec::<AreaItem>::new());
-    let mut area_of: FxHashMap<(i32, &str), usize> = FxHashMap::default();
-    for (other, is_lined) in others.iter().zip(is_lined) {
-        let part = if is_lined {
-            lines.push((other, Vec::new()));
-            Part::Line(lines.len() - 1)
-        } else {
-            Part::Area(area(other, &mut areas, &mut area_of))
-        };
-        parts.insert(other.id, (part, other.distance_m));
-    }
-    // Where the robot is in no room, what no room holds is around it.
-    parts.insert(here, (Part::Here, 0.0));
+    let homeless = view.graph.objects().filter(|object| object.room.is_none());
+    let parted = Parted::new(view, here, nearest(homeless.map(|object| &object.centroid), &position));
 
     // One pass over the objects.
-    let mut classes = Classes::new(view);
-    let mut own: Vec<Row> = Vec::new();
-    let mut own_captions: FxHashMap<ObjectId, &str> = FxHashMap::default();
-    let mut counts: Vec<Vec<u32>> = vec![Vec::new(); areas.len()];
-    let mut nearest_asked: FxHashMap<(usize, usize), (f64, RoomId)> = FxHashMap::default();
+    let mut classes = Classes::new(view.nouns);
+    let mut rows = PartRows::new(&parted);
     for object in view.graph.objects() {
         let class = classes.of(&object.label);
-        let Some((part, room_m)) = parts.get(&object.room).or_else(|| parts.get(&None)) else { continue };
-        if let Part::Area(area) = *part {
-            let counts = &mut counts[area];
-            if counts.len() <= class {
-                counts.resize(class + 1, 0);
-            }
-            counts[class] += 1;
-            areas[area].objects += 1;
-            if let Some(room) = object.room.filter(|_| classes.facts[class].is_asked) {
-                let best = nearest_asked.entry((area, class)).or_insert((*room_m, room));
-                if (*room_m, room) < *best {
-                    *best = (*room_m, room);
-                }
-            }
-            continue;
+        let Some((part, room_m)) = parted.part_of(object.room) else { continue };
+        if let Part::Area(area) = part {
+            let room = object.room.filter(|_| classes.facts[class].is_asked);
+            rows.count(area, class, 1, room.map(|room| (room_m, room)));
+        } else {
+            rows.list(view, part, object, class, &classes);
         }
-        let in_body = point_in_body(view.world_from_body, &object.centroid);
-        let row = Row { id: object.id, class, in_body, distance_m: in_body.coords.norm() };
-        match *part {
-            Part::Line(line) => lines[line].1.push(row),
-            _ => {
-                if classes.facts[class].is_asked && !object.caption.is_empty() {
-                    own_captions.insert(object.id, &object.caption);
-                }
-                own.push(row);
+    }
+    finish(view, here, parted, rows, &classes)
+}
+
+/// Which room is described where.
+pub(crate) struct Parted<'a> {
+    parts: FxHashMap<Option<RoomId>, (Part, f64)>,
+    lines: Vec<Other<'a>>,
+    areas: Vec<AreaItem>,
+}
+
+impl<'a> Parted<'a> {
+    /// Sorts the rooms; `homeless` is the nearest thing that no room holds.
+    pub(crate) fn new(view: &View<'a>, here: Option<RoomId>, homeless: Option<&Point3<f64>>) -> Parted<'a> {
+        let others = others(view, here, homeless);
+        let is_lined = lined(&others);
+        let (mut parts, mut lines, mut areas) = (FxHashMap::default(), Vec::new(), Vec::<AreaItem>::new());
+        let mut area_of: FxHashMap<(i32, &str), usize> = FxHashMap::default();
+        for (other, is_lined) in others.into_iter().zip(is_lined) {
+            let (id, distance_m) = (other.id, other.distance_m);
+            let part = if is_lined {
+                lines.push(other);
+                Part::Line(lines.len() - 1)
+            } else {
+                Part::Area(area(&other, &mut areas, &mut area_of))
+            };
+            parts.insert(id, (part, distance_m));
+        }
+        // Where the robot is in no room, what no room holds is around it.
+        parts.insert(here, (Part::Here, 0.0));
+        Parted { parts, lines, areas }
+    }
+
+    /// Where the things of a room are described, and how far away the room is.
+    pub(crate) fn part_of(&self, room: Option<RoomId>) -> Option<(Part, f64)> {
+        self.parts.get(&room).or_else(|| self.parts.get(&None)).copied()
+    }
+}
+
+/// What goes into each part.
+pub(crate) struct PartRows<'a> {
+    own: Vec<Row>,
+    own_captions: FxHashMap<ObjectId, &'a str>,
+    lines: Vec<Vec<Row>>,
+    /// Per area and class.
+    counts: Vec<Vec<u32>>,
+    /// (area, class) -> the nearest room with a thing of an asked class.
+    nearest_asked: FxHashMap<(usize, usize), (f64, RoomId)>,
+}
+
+impl<'a> PartRows<'a> {
+    pub(crate) fn new(parted: &Parted) -> PartRows<'a> {
+        PartRows {
+            own: Vec::new(),
+            own_captions: FxHashMap::default(),
+            lines: vec![Vec::new(); parted.lines.len()],
+            counts: vec![Vec::new(); parted.areas.len()],
+            nearest_asked: FxHashMap::default(),
+        }
+    }
+
+    /// Things of an area, of one class; `asked` is their room and its distance, if the class is asked for.
+    pub(crate) fn count(&mut self, area: usize, class: usize, count: u32, asked: Option<(f64, RoomId)>) {
+        let counts = &mut self.counts[area];
+        if counts.len() <= class {
+            counts.resize(class + 1, 0);
+        }
+        counts[class] += count;
+        if let Some(found) = asked {
+            let best = self.nearest_asked.entry((area, class)).or_insert(found);
+            if found < *best {
+                *best = found;
             }
         }
     }
-    fill_areas(&mut areas, &counts, &nearest_asked, &classes);
 
-    let (focal, peripheral, crowd) = own_room(view, own, &own_captions, &classes);
-    let rooms = lines.into_iter().map(|(other, rows)| room_item(view, other, rows, &classes)).collect();
+    /// A thing of the own room or of a room with a line.
+    pub(crate) fn list(
+        &mut self,
+        view: &View<'a>,
+        part: Part,
+        object: &'a dsg::Object,
+        class: usize,
+        classes: &Classes,
+    ) {
+        let in_body = point_in_body(view.world_from_body, &object.centroid);
+        let row = Row { id: object.id, class, in_body, distance_m: in_body.coords.norm() };
+        if let Part::Line(line) = part {
+            self.lines[line].push(row);
+            return;
+        }
+        if classes.facts[class].is_asked && !object.caption.is_empty() {
+            self.own_captions.insert(object.id, &object.caption);
+        }
+        self.own.push(row);
+    }
+}
+
+pub(crate) fn finish(view: &View, here: Option<RoomId>, parted: Parted, rows: PartRows, classes: &Classes) -> Tiers {
+    let mut areas = parted.areas;
+    fill_areas(&mut areas, &rows.counts, &rows.nearest_asked, classes);
+    let (focal, peripheral, crowd) = own_room(view, rows.own, &rows.own_captions, classes);
+    let lines = parted.lines.iter().zip(rows.lines);
+    let rooms = lines.map(|(other, rows)| room_item(view, other, rows, classes)).collect();
     let own =
         here.and_then(|id| view.graph.room(id)).map(|room| (room.id, room_name(Some(room.id)), own_name(&room.name)));
     Tiers {
@@ -271,8 +337,16 @@ pub fn tiers(view: &View) -> Tiers {
     }
 }
 
+/// The point nearest to `position`; of equal ones the first.
+pub(crate) fn nearest<'a>(
+    points: impl Iterator<Item = &'a Point3<f64>>,
+    position: &Point3<f64>,
+) -> Option<&'a Point3<f64>> {
+    points.min_by(|a, b| (*a - position).norm_squared().total_cmp(&(*b - position).norm_squared()))
+}
+
 /// All other rooms, nearest first; last, what no room holds, if there is any and the robot is in a room.
-fn others<'a>(view: &View<'a>, here: Option<RoomId>) -> Vec<Other<'a>> {
+fn others<'a>(view: &View<'a>, here: Option<RoomId>, homeless: Option<&Point3<f64>>) -> Vec<Other<'a>> {
     let of = |id, room: Option<&'a dsg::Room>, center: &Point3<f64>| {
         let in_body = point_in_body(view.world_from_body, center);
         let is_named = room.is_some_and(|room| view.rooms.iter().any(|asked| asked.is_answered_by(room)));
@@ -281,12 +355,7 @@ fn others<'a>(view: &View<'a>, here: Option<RoomId>) -> Vec<Other<'a>> {
     let rooms = view.graph.rooms().filter(|room| Some(room.id) != here);
     let mut out: Vec<Other> = rooms.map(|room| of(Some(room.id), Some(room), &room.center)).collect();
     out.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
-    let position = Point3::from(view.world_from_body.translation.vector);
-    let homeless = view.graph.objects().filter(|object| object.room.is_none());
-    let nearest = homeless
-        .map(|object| &object.centroid)
-        .min_by(|a, b| (*a - position).norm_squared().total_cmp(&(*b - position).norm_squared()));
-    if let (Some(centroid), true) = (nearest, here.is_some()) {
+    if let (Some(centroid), true) = (homeless, here.is_some()) {
         out.push(of(None, None, centroid));
     }
     out
@@ -341,6 +410,7 @@ fn fill_areas(
 ) {
     for (index, area) in areas.iter_mut().enumerate() {
         for (class, count) in counts[index].iter().enumerate().filter(|(_, count)| **count > 0) {
+            area.objects += *count as usize;
             let token = &classes.facts[class].token;
             match area.counts.iter_mut().find(|(known, _)| known == token) {
                 Some((_, sum)) => *sum += *count as usize,
@@ -357,19 +427,19 @@ fn fill_areas(
 }
 
 /// What is known about the labels met so far.
-struct Classes<'a> {
-    facts: Vec<ClassFacts>,
+pub(crate) struct Classes<'a> {
+    pub(crate) facts: Vec<ClassFacts>,
     index: FxHashMap<&'a str, usize>,
     asked: Vec<Class>,
 }
 
 impl<'a> Classes<'a> {
-    fn new(view: &View) -> Classes<'a> {
-        let asked = view.nouns.iter().map(|noun| Class::new(noun)).collect();
+    pub(crate) fn new(nouns: &[String]) -> Classes<'a> {
+        let asked = nouns.iter().map(|noun| Class::new(noun)).collect();
         Classes { facts: Vec::new(), index: FxHashMap::default(), asked }
     }
 
-    fn of(&mut self, label: &'a str) -> usize {
+    pub(crate) fn of(&mut self, label: &'a str) -> usize {
         let (facts, asked) = (&mut self.facts, &self.asked);
         *self.index.entry(label).or_insert_with(|| {
             let class = Class::new(label);
@@ -468,13 +538,22 @@ fn room_item(view: &View, other: &Other, mut rows: Vec<Row>, classes: &Classes) 
             classes: runs(&members, classes),
         }
     };
+    let mut asked: Vec<String> = rows
+        .iter()
+        .map(|row| &classes.facts[row.class])
+        .filter(|facts| facts.is_asked)
+        .map(|facts| facts.token.clone())
+        .collect();
+    asked.sort_unstable();
+    asked.dedup();
     RoomItem {
         id: other.id,
         name: room_name(other.id),
         label: other.room.and_then(|room| own_name(&room.name)),
         bearing: Bearing::of(&other.in_body),
         distance_m: other.distance_m,
-        is_asked: other.is_named || rows.iter().any(|row| classes.facts[row.class].is_asked),
+        is_asked: other.is_named || !asked.is_empty(),
+        asked,
         objects: rows.len(),
         groups: groups.into_iter().map(group_item).collect(),
     }

@@ -232,6 +232,23 @@ pub fn singular_phrase(phrase: &str) -> String {
     if front.is_empty() { last } else { format!("{front} {last}") }
 }
 
+/// The plural of a singular phrase, such that [`singular_phrase`] leads back; where none is known, the phrase itself.
+pub fn plural(phrase: &str) -> String {
+    let with = |cut: usize, end: &str| format!("{}{end}", &phrase[..phrase.len() - cut]);
+    let is_vowel = |c: char| matches!(c, 'a' | 'e' | 'i' | 'o' | 'u');
+    let before_y = phrase.strip_suffix('y').and_then(|stem| stem.chars().next_back());
+    let made = if phrase.ends_with("shelf") {
+        with(1, "ves")
+    } else if before_y.is_some_and(|c| !is_vowel(c)) {
+        with(1, "ies")
+    } else if ["s", "sh", "ch", "x", "z"].iter().any(|end| phrase.ends_with(end)) {
+        with(0, "es")
+    } else {
+        with(0, "s")
+    };
+    if singular_phrase(&made) == phrase { made } else { phrase.to_string() }
+}
+
 fn singular(word: &str) -> String {
     const IRREGULAR: &[(&str, &str)] = &[
         ("shelves", "shelf"),
@@ -390,6 +407,22 @@ mod tests {
             ("vases", "vase"),
         ] {
             assert_eq!(singular_phrase(many), one);
+        }
+    }
+
+    #[test]
+    fn a_plural_leads_back_or_is_none() {
+        for (one, many) in [
+            ("chair", "chairs"),
+            ("box", "boxes"),
+            ("bookshelf", "bookshelves"),
+            ("battery", "batteries"),
+            ("tray", "trays"),
+            ("trash can", "trash cans"),
+            ("couch", "couches"),
+            ("stairs", "stairs"),
+        ] {
+            assert_eq!((plural(one).as_str(), singular_phrase(many).as_str()), (many, one));
         }
     }
 

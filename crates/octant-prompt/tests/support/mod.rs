@@ -124,6 +124,8 @@ pub struct Decoded {
     pub crowd: Vec<(String, usize)>,
     /// Farther rooms by direction.
     pub areas: Vec<DecodedArea>,
+    /// Of the rooms that are folded away: (class, room, whole metres).
+    pub hidden_first: Vec<(String, String, f64)>,
     /// Objects and rooms that are only counted.
     pub hidden_objects: usize,
     pub hidden_rooms: usize,
@@ -152,8 +154,11 @@ pub fn decode(text: &str) -> Decoded {
         } else if let Some(rest) = line.strip_prefix("Also in this room: ") {
             out.crowd = counts(rest);
         } else if let Some(rest) = line.strip_prefix("Not shown: ") {
+            let mut parts = rest.split("; ");
+            let rest = parts.next().expect("counts");
             let mut words = rest.split(' ');
             out.hidden_rooms = words.next().map_or(0, number);
+            out.hidden_first = parts.map(first_of).collect();
             out.hidden_objects += number(rest.split(", ").nth(1).unwrap_or(""));
         } else if let Some(rest) = line.strip_prefix("more near: ").or_else(|| line.strip_prefix("more here: ")) {
             out.hidden_objects += number(rest);
@@ -190,8 +195,9 @@ pub fn decode(text: &str) -> Decoded {
             for part in rest.split(',').map(str::trim).filter(|part| *part != "empty" && !part.is_empty()) {
                 let words: Vec<&str> = part.split(' ').collect();
                 let is_span = |word: &str| {
-                    word.strip_suffix('m')
-                        .is_some_and(|span| span.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'))
+                    word.strip_suffix('m').is_some_and(|span| {
+                        !span.is_empty() && span.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-')
+                    })
                 };
                 if !is_span(words[words.len() - 1]) {
                     // A line without groups.
@@ -225,9 +231,18 @@ fn area(line: &str) -> DecodedArea {
         span.split_once('-').map_or_else(|| (number(span), number(span)), |(low, high)| (number(low), number(high)));
     let mut parts = rest.split("; ");
     let counts = counts(parts.next().expect("counts").trim());
-    let first = parts.map(|part| {
-        let words: Vec<&str> = part.split(' ').collect();
-        (words[0].into(), words[2].into(), number(words[3].strip_suffix('m').expect("metres")))
-    });
-    DecodedArea { side: side.into(), span_m, rooms: rooms.parse().expect("rooms"), counts, first: first.collect() }
+    DecodedArea {
+        side: side.into(),
+        span_m,
+        rooms: rooms.parse().expect("rooms"),
+        counts,
+        first: parts.map(first_of).collect(),
+    }
+}
+
+/// `chair in room12 17m`
+fn first_of(part: &str) -> (String, String, f64) {
+    let words: Vec<&str> = part.rsplitn(4, ' ').collect();
+    let metres = words[0].strip_suffix('m').and_then(|metres| metres.parse().ok());
+    (words[3].into(), words[1].into(), metres.unwrap_or_else(|| panic!("metres in {part:?}")))
 }
