@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use planner::{AirConfig, AirPlan, AirPlanError, FlightState, PolynomialTrajectory, plan_air};
 use robot_model::RobotModel;
 
+use crate::flight_limits::flight_limits;
 use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::{Command, FlightSetPoint};
@@ -78,10 +79,8 @@ pub struct Fly {
 impl Fly {
     /// Limits and ball of this robot. `flight_z_m` and `landed_z_m` are heights of the body origin in the map.
     pub fn new(robot: &RobotModel, flight_z_m: f64, landed_z_m: f64, period_s: f64, max_attempts: u32) -> Self {
-        let limits = &robot.limits;
         let config = AirConfig {
-            max_speed_mps: limits.max_speed_mps,
-            max_accel_mps2: limits.max_accel_mps2,
+            limits: flight_limits(robot),
             radius_m: robot.circumscribed_radius_m,
             preferred_height_m: Some(flight_z_m),
             ..AirConfig::default()
@@ -90,7 +89,7 @@ impl Fly {
             config,
             period_s,
             max_attempts,
-            max_yaw_rate_radps: limits.max_yaw_rate_radps,
+            max_yaw_rate_radps: robot.limits.max_yaw_rate_radps,
             phase: Phase::Grounded,
             goal: Goal::Stay,
             status: GoalStatus::Arrived,
@@ -232,7 +231,7 @@ impl Fly {
                 }
             }
             // Too fast for any way from here: come to rest, and plan from there.
-            Err(AirPlanError::NotCertified | AirPlanError::StartTooFast { .. }) if start.v.norm() > RESTING_MPS => {
+            Err(AirPlanError::NotProved(_) | AirPlanError::StartTooFast { .. }) if start.v.norm() > RESTING_MPS => {
                 self.brake(false, air);
             }
             Err(error) => {
@@ -301,7 +300,7 @@ impl Fly {
             self.hover = state.p;
             self.flying = None;
         } else {
-            let brake = planner::stop_trajectory(&state, self.config.max_accel_mps2);
+            let brake = planner::stop_trajectory(&state, &self.config.limits);
             // Nobody certified it: it has to keep the distance that a certificate would ask for.
             if !must && !Self::keeps(&brake, 0.0, self.config.clearance_m(), false, air) {
                 return;
@@ -419,7 +418,7 @@ fn sentence(error: &AirPlanError) -> &'static str {
         AirPlanError::GoalBlocked => "there is no room for it at the goal",
         AirPlanError::NoRoute => "no way is wide enough for it",
         AirPlanError::SearchLimit { .. } | AirPlanError::TooFar => "the way is too long to be searched",
-        AirPlanError::NotCertified | AirPlanError::StartTooFast { .. } => "no certified trajectory from this motion",
+        AirPlanError::NotProved(_) | AirPlanError::StartTooFast { .. } => "no proved flight from this motion",
         AirPlanError::Config(_) | AirPlanError::NotFinite => "the planner was given numbers that make no sense",
     }
 }
@@ -433,10 +432,13 @@ mod tests {
     fn brakes_with(beyond_m: f64) -> bool {
         let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), 1.2, 0.2, 0.02, 3);
         let state = FlightState { p: Point3::new(0.0, 0.0, 1.2), v: Vector3::new(1.0, 0.0, 0.0), a: Vector3::zeros() };
-        let brake = planner::stop_trajectory(&state, fly.config.max_accel_mps2);
+        let brake = planner::stop_trajectory(&state, &fly.config.limits);
         let wall_m = brake.sample(brake.duration()).p.x + fly.config.radius_m + beyond_m;
         // Something gentler than the brake, so that one can be told from the other.
-        let certified = planner::stop_trajectory(&state, 0.5 * fly.config.max_accel_mps2);
+        let certified = planner::stop_trajectory(
+            &state,
+            &planner::FlightLimits { max_accel_mps2: 0.5 * fly.config.limits.max_accel_mps2, ..fly.config.limits },
+        );
         let duration_s = certified.duration();
         fly.flying = Some((certified, 0.0));
         fly.phase = Phase::Flying;

@@ -19,6 +19,7 @@ pub mod coverage;
 pub mod cycle;
 pub mod drive;
 pub mod error;
+pub mod flight_limits;
 pub mod fly;
 pub mod goal;
 pub mod graph_builder;

@@ -1,17 +1,18 @@
-//! The aerial planner: A* -> shortcut -> convex corridor -> MINCO -> certificate.
+//! The aerial planner: A* -> shortcut -> convex corridor -> flight -> proof.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::air::FlightState;
-use crate::air::certificate::Certificate;
 use crate::air::config::{AirConfig, AirConfigError};
 use crate::air::corridor::polytope_around;
-use crate::air::obstacles::Surroundings;
+use crate::air::corridor_flight::{CorridorError, CorridorFlight, fly_corridor};
+use crate::air::interior::InteriorSettings;
+use crate::air::obstacles::{Surroundings, THINNEST_M};
 use crate::air::polytope::Polytope;
-use crate::air::refine::{Refined, refine};
+use crate::air::proof::FlightProof;
 use crate::air::route::{bounds_of, goal_height, lattice_route, shortcut};
 use crate::air::search::SearchGrid;
-use crate::air::stop::stop_piece;
+use crate::air::stop::stop_trajectory;
 use crate::air::trajectory::PolynomialTrajectory;
 
 /// A flight that was proved to stay in its corridor within its limits.
@@ -24,7 +25,10 @@ pub struct AirPlan {
     /// Per piece of the trajectory: its polytope.
     pub polytope_of: Vec<usize>,
     /// What was proved; it always holds.
-    pub certificate: Certificate,
+    pub proof: FlightProof,
+    /// What every point of the corridor keeps from obstacle surfaces: less than [`AirConfig::clearance_m`] only where the start
+    /// itself is nearer.
+    pub clearance_m: f64,
     /// The shortcut route, start first.
     pub route: Vec<Point3<f64>>,
     /// How far the end is from the goal that was asked for (0 unless that was not free).
@@ -71,9 +75,9 @@ pub enum AirPlanError {
         /// How many.
         expansions: usize,
     },
-    /// The start moves so that no certified flight was found, not even one that brakes first.
-    #[error("no certified trajectory from this moving start: too near to something, or too fast")]
-    NotCertified,
+    /// There is a corridor, but no flight in it was proved, not even one that brakes first.
+    #[error("no proved flight from this start: {0}")]
+    NotProved(CorridorError),
 }
 
 /// Routes that an exact check refuses are searched again at most this often.
@@ -85,7 +89,7 @@ const RETRIES: usize = 5;
 /// Deterministic; the work is bounded by counts.
 ///
 /// # Errors
-/// [`AirPlanError`]. A trajectory that is not certified is never returned.
+/// [`AirPlanError`]. A flight that is not proved is never returned.
 pub fn plan_air(
     start: &FlightState,
     goal: &Point3<f64>,
@@ -95,16 +99,15 @@ pub fn plan_air(
 ) -> Result<AirPlan, AirPlanError> {
     check(start, goal, config)?;
     let way = way_through(start, None, goal, distance, obstacles_in_box, config)?;
-    let head = [start.p.coords, start.v, start.a];
-    if let Some(refined) = refine(&head, &way.route, &way.corridor, way.kept_m, config) {
-        return Ok(way.plan(refined, goal));
-    }
-    // Moving too fast for that bend: once more with room to brake, from the point where it would come to rest.
-    let brake = stop_piece(&head, config.max_accel_mps2);
-    let rest = Point3::from(brake.sample(brake.duration_s).p.coords);
-    let way = way_through(start, Some(rest), goal, distance, obstacles_in_box, config)?;
-    let refined = refine(&head, &way.route, &way.corridor, way.kept_m, config).ok_or(AirPlanError::NotCertified)?;
-    Ok(way.plan(refined, goal))
+    let refused = match way.fly(start, config) {
+        Ok(flight) => return Ok(way.plan(flight, goal)),
+        Err(error) => error,
+    };
+    // Moving too fast for that bend: once more with room to brake, by way of the point where it would come to rest.
+    let rest = stop_trajectory(start, &config.limits).sample(f64::MAX).p;
+    let way = way_through(start, Some((rest, refused)), goal, distance, obstacles_in_box, config)?;
+    let flight = way.fly(start, config).map_err(AirPlanError::NotProved)?;
+    Ok(way.plan(flight, goal))
 }
 
 /// A route and its corridor, still without times.
@@ -117,12 +120,26 @@ struct Way {
 }
 
 impl Way {
-    fn plan(self, refined: Refined, goal: &Point3<f64>) -> AirPlan {
+    /// Step 4: to rest at the end of the route, proved.
+    fn fly(&self, start: &FlightState, config: &AirConfig) -> Result<CorridorFlight, CorridorError> {
+        let zero = Vector3::zeros();
+        let head = [start.p.coords, start.v, start.a];
+        fly_corridor(
+            &head,
+            &[self.end.coords, zero, zero],
+            &self.corridor,
+            &config.limits,
+            &InteriorSettings::default(),
+        )
+    }
+
+    fn plan(self, flight: CorridorFlight, goal: &Point3<f64>) -> AirPlan {
         AirPlan {
-            trajectory: refined.trajectory,
+            trajectory: flight.trajectory,
             corridor: self.corridor,
-            polytope_of: refined.polytope_of,
-            certificate: refined.certificate,
+            polytope_of: flight.polytope_of,
+            proof: flight.proof,
+            clearance_m: self.kept_m,
             route: self.route.into_iter().map(Point3::from).collect(),
             goal_pull_m: (self.end - goal).norm(),
             expansions: self.expansions,
@@ -130,10 +147,10 @@ impl Way {
     }
 }
 
-/// Steps 1 to 3. With `brake_to`, the first leg leads straight there.
+/// Steps 1 to 3. With `brake_to` the first leg leads straight there; if it cannot, what was refused before stays refused.
 fn way_through(
     start: &FlightState,
-    brake_to: Option<Point3<f64>>,
+    brake_to: Option<(Point3<f64>, CorridorError)>,
     goal: &Point3<f64>,
     distance: &dyn Fn(&Point3<f64>) -> Option<f64>,
     obstacles_in_box: ObstaclesInBox,
@@ -143,7 +160,7 @@ fn way_through(
     if !grid.is_usable() {
         return Err(AirPlanError::TooFar);
     }
-    let from = brake_to.unwrap_or(start.p);
+    let from = brake_to.map_or(start.p, |(rest, _)| rest);
     let mut expansions = 0;
     for _ in 0..=RETRIES {
         // 1. A* between free lattice points near start and goal.
@@ -158,8 +175,10 @@ fn way_through(
         let beyond = Vector3::repeat(config.clearance_m() + config.obstacle_radius_m);
         let points = obstacles_in_box(&(low - beyond), &(high + beyond));
         let surroundings = Surroundings::new(&points, &start.p, &low, &high, &grid, config);
-        if brake_to.is_some_and(|rest| !surroundings.is_clear(&start.p.coords, &rest.coords)) {
-            return Err(AirPlanError::NotCertified);
+        if let Some((rest, refused)) = brake_to
+            && !surroundings.is_clear(&start.p.coords, &rest.coords)
+        {
+            return Err(AirPlanError::NotProved(refused));
         }
         let inner = 1..points_of_route.len() - 1;
         points_of_route[inner].iter_mut().for_each(|p| *p = surroundings.centred(p));
@@ -192,7 +211,7 @@ fn check(start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<
         return Err(AirPlanError::NotFinite);
     }
     let (speed_mps, accel_mps2) = (start.v.norm(), start.a.norm());
-    if speed_mps > config.max_speed_mps || accel_mps2 > config.max_accel_mps2 {
+    if speed_mps > config.limits.max_speed_mps || accel_mps2 > config.limits.max_accel_mps2 {
         return Err(AirPlanError::StartTooFast { speed_mps, accel_mps2 });
     }
     Ok(())
@@ -200,5 +219,5 @@ fn check(start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<
 
 /// What the corridor keeps from obstacle surfaces: less than asked for only where the start itself is nearer.
 fn kept_clearance(start: &FlightState, points: &[Point3<f64>], config: &AirConfig) -> f64 {
-    points.iter().map(|p| (p - start.p).norm() - config.obstacle_radius_m - 1e-6).fold(config.clearance_m(), f64::min)
+    points.iter().map(|p| (p - start.p).norm() - config.obstacle_radius_m - THINNEST_M).fold(config.clearance_m(), f64::min)
 }

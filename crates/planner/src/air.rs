@@ -1,6 +1,5 @@
 //! Parts of the aerial planner; [`crate::aerial`] puts them together.
 
-pub mod certificate;
 pub mod config;
 pub mod controller;
 pub mod depth;
@@ -35,7 +34,6 @@ pub(crate) mod hermite_program;
 pub(crate) mod node_form;
 pub(crate) mod obstacles;
 pub(crate) mod piece_cost;
-pub(crate) mod refine;
 pub(crate) mod route;
 
 use nalgebra::{Point3, Vector3};

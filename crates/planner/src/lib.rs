@@ -73,7 +73,6 @@ pub use aerial::{AirPlan, AirPlanError, plan_air};
 #[cfg(feature = "air")]
 pub use air::{
     FlightState,
-    certificate::{Certificate, certify},
     config::{AirConfig, AirConfigError},
     controller::{BodyState, GeometricController, ThrustTorque, slew_yaw},
     corridor_flight::{CorridorError, CorridorFlight, fly_corridor},

@@ -1,12 +1,12 @@
 //! Limits and taste of the aerial planner.
 
+use super::limits::{FlightLimits, LimitsError};
+
 /// Configuration of [`crate::plan_air`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct AirConfig {
-    /// Speed limit, proved at every instant (1.5).
-    pub max_speed_mps: f64,
-    /// Acceleration limit, proved at every instant (2.0).
-    pub max_accel_mps2: f64,
+    /// Limits of the flight, proved at every instant (1.5 m/s, 2 m/s^2, no airframe; a second costs 100).
+    pub limits: FlightLimits,
     /// Radius of a ball round the body's centre that holds the whole vehicle (0.36).
     pub radius_m: f64,
     /// Distance kept beyond the radius, for tracking error and map noise (0.03).
@@ -34,8 +34,17 @@ pub struct AirConfig {
 impl Default for AirConfig {
     fn default() -> Self {
         AirConfig {
-            max_speed_mps: 1.5,
-            max_accel_mps2: 2.0,
+            limits: FlightLimits {
+                max_speed_mps: 1.5,
+                max_accel_mps2: 2.0,
+                airframe: None,
+                max_tilt_rad: f64::INFINITY,
+                max_rate_radps: f64::INFINITY,
+                min_thrust_n: 0.0,
+                max_thrust_n: f64::INFINITY,
+                min_duration_s: 0.1,
+                time_weight: 100.0,
+            },
             radius_m: 0.36,
             margin_m: 0.03,
             comfort_m: 0.25,
@@ -52,10 +61,13 @@ impl Default for AirConfig {
 }
 
 /// Why an [`AirConfig`] was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AirConfigError {
-    /// A limit, radius, resolution or reach is not finite or not positive.
-    #[error("limits, radius, comfort, resolution and reach must be finite and positive")]
+    /// The limits of the flight do not hold together.
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
+    /// A radius, resolution or reach is not finite or not positive.
+    #[error("radius, comfort, resolution and reach must be finite and positive")]
     NotPositive,
     /// A margin, weight or pull is not finite or negative.
     #[error("margin, weights, obstacle radius and goal pull must be finite and not negative")]
@@ -73,14 +85,8 @@ impl AirConfig {
     /// # Errors
     /// [`AirConfigError`].
     pub fn validate(&self) -> Result<(), AirConfigError> {
-        let positive = [
-            self.max_speed_mps,
-            self.max_accel_mps2,
-            self.radius_m,
-            self.comfort_m,
-            self.search_resolution_m,
-            self.corridor_reach_m,
-        ];
+        self.limits.validate()?;
+        let positive = [self.radius_m, self.comfort_m, self.search_resolution_m, self.corridor_reach_m];
         if positive.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(AirConfigError::NotPositive);
         }

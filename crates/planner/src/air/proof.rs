@@ -18,7 +18,7 @@ pub const PROOF_TOL: f64 = 1e-9;
 /// Leap allowed where pieces join: rounding of positions (m), velocities (m/s) and accelerations (m/s^2).
 const JOINT_TOL: f64 = 1e-6;
 /// Halvings of a piece before polynomial limits are called unproved.
-pub(crate) const POLYNOMIAL_DEPTH: u32 = 10;
+const POLYNOMIAL_DEPTH: u32 = 10;
 /// Halvings before limits of the rotors are: the bounds close in linearly.
 const ROTOR_DEPTH: u32 = 14;
 
@@ -133,7 +133,7 @@ fn joins(before: &Piece, after: &Piece) -> bool {
 
 /// An upper bound of a convex function over a Bernstein curve: its largest value on the points, halved while the bound is
 /// above the limit but the curve's own points are not.
-pub(crate) fn upper<const N: usize>(
+fn upper<const N: usize>(
     points: &[Vector3<f64>; N],
     limit: f64,
     depth: u32,
