@@ -7,7 +7,7 @@
 //! Run: `cargo run -p planner --example 02_a_certified_flight`
 
 use nalgebra::{Point3, Vector3};
-use planner::{AirConfig, FlightState, plan_air};
+use planner::{AirConfig, AirSpace, FlightState, plan_air};
 
 fn main() {
     // 1. The world: a floor, a ceiling, a pillar of 10 cm voxels. The distance is to the nearest voxel centre.
@@ -50,7 +50,8 @@ fn main() {
     let start = FlightState { v: Vector3::new(0.5, 0.0, 0.0), ..FlightState::resting_at(Point3::new(0.0, 0.0, 1.2)) };
     let goal = Point3::new(6.0, 0.2, 1.4);
     let config = AirConfig::default();
-    let plan = plan_air(&start, &goal, &distance, &obstacles, &config).expect("there is room on both sides");
+    let space = AirSpace { distance: &distance, obstacles: &obstacles, movers: &[] };
+    let plan = plan_air(&start, &goal, &space, &config).expect("there is room on both sides");
     println!(
         "route of {} points after {} expansions, corridor of {} polytopes",
         plan.route.len(),

@@ -69,25 +69,31 @@ pub mod air;
 pub mod ground;
 
 #[cfg(feature = "air")]
-pub use aerial::{AirPlan, AirPlanError, plan_air};
+pub use aerial::{AirPlan, AirPlanError, AirSpace, plan_air};
 #[cfg(feature = "air")]
 pub use air::{
     FlightState,
+    battery::{Battery, BatteryError},
     config::{AirConfig, AirConfigError},
     controller::{BodyState, GeometricController, ThrustTorque, slew_yaw},
     corridor_flight::{CorridorError, CorridorFlight, fly_corridor},
     flatness::{Airframe, FlatGradient, FlatOutput},
+    geofence::{Geofence, GeofenceError},
     hard::fly_corridor_hard,
+    heading::HeadingPlan,
     interior::InteriorSettings,
     limits::{BoundaryState, FlightLimits, LimitsError},
     minco::{Minco, MincoError, MincoGradient},
     mixer::{MixerError, RotorMixer},
+    movers::{Mover, Movers},
     polytope::{HalfSpace, Polytope},
-    proof::{FlightProof, Violation, prove},
+    proof::{FlightProof, Violation, prove, prove_among},
     stop::stop_trajectory,
     trajectory::{Piece, PolynomialTrajectory, TrajectoryPoint},
+    vertical::{TouchDown, VerticalFlight, fly_down, fly_up},
     voxel_flight::{VoxelFlight, VoxelFlightError, fly_voxels},
     voxel_map::{VoxelMap, VoxelMapError},
+    waypoints::{WaypointError, WaypointFlight, fly_waypoints},
 };
 #[cfg(feature = "ground")]
 pub use ground::{

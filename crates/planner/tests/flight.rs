@@ -16,11 +16,10 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
         for j in 0..=40 {
             let s = piece.sample(piece.duration_s * f64::from(j) / 40.0);
             assert!(polytope.slack(&s.p.coords) >= -1e-8, "piece {k} leaves by {}", polytope.slack(&s.p.coords));
-            assert!(s.v.norm() <= config.limits.max_speed_mps + 1e-8 && s.a.norm() <= config.limits.max_accel_mps2 + 1e-8);
             assert!(
-                s.v.norm() <= plan.proof.max_speed_mps + 1e-8
-                    && s.a.norm() <= plan.proof.max_accel_mps2 + 1e-8
+                s.v.norm() <= config.limits.max_speed_mps + 1e-8 && s.a.norm() <= config.limits.max_accel_mps2 + 1e-8
             );
+            assert!(s.v.norm() <= plan.proof.max_speed_mps + 1e-8 && s.a.norm() <= plan.proof.max_accel_mps2 + 1e-8);
             let near = config.clearance_m() + config.obstacle_radius_m + 0.2;
             let reach = Vector3::repeat(near);
             for o in voxels.obstacles(&(s.p - reach), &(s.p + reach)) {
@@ -50,7 +49,8 @@ fn check_plan(voxels: &Voxels, plan: &AirPlan, config: &AirConfig, start: &Fligh
 }
 
 fn plan(voxels: &Voxels, start: &FlightState, goal: &Point3<f64>, config: &AirConfig) -> Result<AirPlan, AirPlanError> {
-    plan_air(start, goal, &|p| voxels.distance(p), &|a, b| voxels.obstacles(a, b), config)
+    let space = AirSpace { distance: &|p| voxels.distance(p), obstacles: &|a, b| voxels.obstacles(a, b), movers: &[] };
+    plan_air(start, goal, &space, config)
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Limits and taste of the aerial planner.
 
+use super::geofence::Geofence;
 use super::limits::{FlightLimits, LimitsError};
 
 /// Configuration of [`crate::plan_air`].
@@ -7,6 +8,12 @@ use super::limits::{FlightLimits, LimitsError};
 pub struct AirConfig {
     /// Limits of the flight, proved at every instant (1.5 m/s, 2 m/s^2, no airframe; a second costs 100).
     pub limits: FlightLimits,
+    /// Where the body's centre may be at all (none: anywhere).
+    pub geofence: Option<Geofence>,
+    /// At most so much of a route is flown by one plan; the rest is planned on the way (20).
+    pub horizon_m: f64,
+    /// What moves is believed to go on as it does for this long (3 s).
+    pub prediction_s: f64,
     /// Radius of a ball round the body's centre that holds the whole vehicle (0.36).
     pub radius_m: f64,
     /// Distance kept beyond the radius, for tracking error and map noise (0.03).
@@ -45,6 +52,9 @@ impl Default for AirConfig {
                 min_duration_s: 0.1,
                 time_weight: 100.0,
             },
+            geofence: None,
+            horizon_m: 20.0,
+            prediction_s: 3.0,
             radius_m: 0.36,
             margin_m: 0.03,
             comfort_m: 0.25,
@@ -66,8 +76,8 @@ pub enum AirConfigError {
     /// The limits of the flight do not hold together.
     #[error(transparent)]
     Limits(#[from] LimitsError),
-    /// A radius, resolution or reach is not finite or not positive.
-    #[error("radius, comfort, resolution and reach must be finite and positive")]
+    /// A horizon, prediction, radius, resolution or reach is not finite or not positive.
+    #[error("horizon, prediction, radius, comfort, resolution and reach must be finite and positive")]
     NotPositive,
     /// A margin, weight or pull is not finite or negative.
     #[error("margin, weights, obstacle radius and goal pull must be finite and not negative")]
@@ -86,7 +96,14 @@ impl AirConfig {
     /// [`AirConfigError`].
     pub fn validate(&self) -> Result<(), AirConfigError> {
         self.limits.validate()?;
-        let positive = [self.radius_m, self.comfort_m, self.search_resolution_m, self.corridor_reach_m];
+        let positive = [
+            self.horizon_m,
+            self.prediction_s,
+            self.radius_m,
+            self.comfort_m,
+            self.search_resolution_m,
+            self.corridor_reach_m,
+        ];
         if positive.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(AirConfigError::NotPositive);
         }

@@ -197,9 +197,7 @@ pub(crate) fn check(
     if corridor.is_empty() {
         return Err(CorridorError::Empty);
     }
-    if start.iter().chain(goal).any(|v| v.iter().any(|x| !(x.is_finite() && x.abs() < 1e6))) {
-        return Err(CorridorError::NotFinite);
-    }
+    check_ends(start, goal, limits)?;
     for (polytope, p) in corridor.iter().enumerate() {
         let is_unit = |n: &Vector3<f64>| (n.norm_squared() - 1.0).abs() < 1e-6;
         if p.faces.len() < 4 || p.faces.iter().any(|f| !(is_unit(&f.normal) && f.offset_m.is_finite())) {
@@ -213,12 +211,6 @@ pub(crate) fn check(
     let outside_m = -corridor[corridor.len() - 1].slack(&goal[0]);
     if outside_m > 0.0 {
         return Err(CorridorError::GoalOutside { outside_m });
-    }
-    for (end, state) in [("start", start), ("goal", goal)] {
-        let (speed_mps, accel_mps2) = (state[1].norm(), state[2].norm());
-        if speed_mps > limits.max_speed_mps || accel_mps2 > limits.max_accel_mps2 {
-            return Err(CorridorError::TooFast { end, speed_mps, accel_mps2 });
-        }
     }
     let mut joints = Vec::with_capacity(corridor.len());
     let mut near = start[0];
@@ -237,6 +229,24 @@ pub(crate) fn check(
         joints.push(0.5 * (start[0] + goal[0]));
     }
     Ok(joints)
+}
+
+/// Refuses ends that are not finite, or move beyond the limits.
+pub(crate) fn check_ends(
+    start: &BoundaryState,
+    goal: &BoundaryState,
+    limits: &FlightLimits,
+) -> Result<(), CorridorError> {
+    if start.iter().chain(goal).any(|v| v.iter().any(|x| !(x.is_finite() && x.abs() < 1e6))) {
+        return Err(CorridorError::NotFinite);
+    }
+    for (end, state) in [("start", start), ("goal", goal)] {
+        let (speed_mps, accel_mps2) = (state[1].norm(), state[2].norm());
+        if speed_mps > limits.max_speed_mps || accel_mps2 > limits.max_accel_mps2 {
+            return Err(CorridorError::TooFast { end, speed_mps, accel_mps2 });
+        }
+    }
+    Ok(())
 }
 
 /// Straight through the joints at a part of the speed limit.
