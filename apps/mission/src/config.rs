@@ -2,6 +2,7 @@
 
 use octant_prompt::PromptConfig;
 use omni_perception::{EncoderTrack, LabelNames};
+use planner::{Battery, Geofence};
 use robot_model::RobotModel;
 use volumetric_map::VolumeConfig;
 
@@ -65,6 +66,10 @@ pub struct MissionConfig {
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
     pub max_attempts: u32,
+    /// Where an aerial robot may be, in the frame of its odometry, default anywhere.
+    pub geofence: Option<Geofence>,
+    /// Battery of an aerial robot, default none: it counts as full. The stream says how full it is.
+    pub battery: Option<Battery>,
     /// A vision-language model that is shown short relations (Eq. 7), default none: geometry judges them.
     pub vision: Option<VisionConfig>,
 }
@@ -94,6 +99,8 @@ impl Default for MissionConfig {
             flight_height_m: 1.2,
             obstacle_memory_s: 2.1,
             max_attempts: 3,
+            geofence: None,
+            battery: None,
             vision: None,
         }
     }
@@ -128,6 +135,9 @@ impl MissionConfig {
         }
         if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
+        }
+        if let Some(battery) = &self.battery {
+            battery.validate()?;
         }
         self.vision.as_ref().map_or(Ok(()), VisionConfig::validate)
     }

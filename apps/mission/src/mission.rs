@@ -206,6 +206,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {
                 "standing still: the odometry has lost its way".into()
