@@ -181,7 +181,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     } else {
         robot
     };
-    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
+    let start_at = Point2::from(start.translation.vector.xy());
+    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0)
+        .of_run_from(start_at);
 
     // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
     // where in the building that is, nobody on the robot's side knows.
@@ -303,7 +305,6 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             (success, reason) = (false, format!("The flight ended early: {why:#}."));
         }
     }
-    let start_at = Point2::from(start.translation.vector.xy());
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {

@@ -69,8 +69,11 @@ impl Mission {
             && self.body.is_ready()
             && t_s >= self.config.first_look_s;
         if self.outcome.is_none() && can_think {
+            self.remember_start();
             self.take_answer(t_s);
-            if self.outcome.is_none() && self.must_think(t_s) {
+            if self.outcome.is_none() && self.is_returning() {
+                self.return_to_start(t_s);
+            } else if self.outcome.is_none() && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }

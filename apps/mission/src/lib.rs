@@ -43,6 +43,7 @@ pub mod reasoning;
 pub mod recording;
 pub mod relation_question;
 pub mod relation_verifier;
+mod returning;
 pub mod rig;
 pub mod rooms;
 pub mod scan_queue;

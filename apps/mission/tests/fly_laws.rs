@@ -70,6 +70,7 @@ struct Flight {
     turn_radps: f64,
     /// Who walks through the hall, from now on.
     walker: Option<Mover>,
+    sees_walker: bool,
     /// The shortest distance to him.
     apart_m: f64,
     /// Share of the battery that a second takes.
@@ -94,6 +95,7 @@ impl Flight {
             yaw_rad: 0.0,
             turn_radps: 0.0,
             walker: None,
+            sees_walker: true,
             apart_m: f64::INFINITY,
             drain_per_s: 0.0,
             charge: 1.0,
@@ -149,7 +151,7 @@ impl Flight {
         let is_returning = self.fly.emergency().is_some();
         let target = if is_returning { home } else { self.target };
         let route = target.map(|target| [self.at.xy(), target]);
-        let walker: Vec<Mover> = self.walker.into_iter().collect();
+        let walker: Vec<Mover> = self.walker.filter(|_| self.sees_walker).into_iter().collect();
         let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &walker };
         self.fly.replan(route.as_ref().map(|route| &route[..]), &air, &way_home_m);
     }
@@ -309,20 +311,27 @@ fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
 
 #[test]
 fn who_walks_into_its_way_is_not_met() {
-    for (speed, from_y) in [(0.8, -0.5), (1.2, -1.5), (1.0, -1.0)] {
-        let mut flight = Flight::new();
-        // Across the way, a metre and a half ahead of it at about the time it would be there.
-        let walker = Mover {
-            position: Point3::new(4.8, 2.0 + from_y, 1.0),
-            velocity_mps: Vector3::new(-0.2, speed, 0.0),
-            radius_m: 0.35,
-            growth_mps: 0.0,
+    for (speed, meets_s) in [(0.7, 1.8), (0.8, 2.2), (0.6, 2.5)] {
+        let fly_past = |is_seen: bool| {
+            let mut flight = Flight::new();
+            // Across the way, when it would be there if it were alone.
+            flight.walker = Some(Mover {
+                position: Point3::new(4.6, 2.0 - speed * meets_s, 1.0),
+                velocity_mps: Vector3::new(0.0, speed, 0.0),
+                radius_m: 0.35,
+                growth_mps: 0.0,
+            });
+            flight.sees_walker = is_seen;
+            flight.set_goal(Some(Point2::new(7.0, 2.0)));
+            flight.go(12.0);
+            flight
         };
-        flight.walker = Some(walker);
-        flight.set_goal(Some(Point2::new(7.0, 2.0)));
-        flight.go(12.0);
+        let blind = fly_past(false);
+        assert!(blind.apart_m < blind.radius_m, "alone it would have met him: {} m", blind.apart_m);
+        let flight = fly_past(true);
         assert!(flight.apart_m >= flight.radius_m, "he came {} m near", flight.apart_m);
         assert_eq!(*flight.fly.status(), GoalStatus::Arrived, "it goes on when he has passed");
+        assert!(flight.nearest_m >= flight.radius_m);
     }
 }
 
