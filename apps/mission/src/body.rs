@@ -32,7 +32,7 @@ impl Body {
             RobotKind::Aerial => {
                 let (flight_z_m, landed_z_m) = (floor_m + config.flight_height_m, floor_m + robot.stance_height_m);
                 let mut fly = Fly::new(robot, flight_z_m, landed_z_m, config.control_period_s, config.max_attempts);
-                fly.limit(config.geofence.clone(), config.battery);
+                fly.limit(config.tracking_margin_m, config.geofence.clone(), config.battery);
                 Body::Air(Box::new(fly))
             }
         })

@@ -62,6 +62,9 @@ pub struct MissionConfig {
     pub max_retries: usize,
     /// Height at which the aerial robot flies, above the floor, default 1.2 m.
     pub flight_height_m: f64,
+    /// What an aerial robot's body may be off its set-point, beyond what its ball keeps from obstacles anyway, default 0.02 m: the
+    /// simulated one is off by less than one, and a door of a metre has two or three to spare.
+    pub tracking_margin_m: f64,
     /// Obstacles of the last scans are kept for this long, default 2.1 s: one turn of the LiDAR's motor shows all sides.
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
@@ -97,6 +100,7 @@ impl Default for MissionConfig {
             stop_distance_m: 0.85,
             max_retries: 3,
             flight_height_m: 1.2,
+            tracking_margin_m: 0.02,
             obstacle_memory_s: 2.1,
             max_attempts: 3,
             geofence: None,
@@ -129,6 +133,7 @@ impl MissionConfig {
             ("decision_period_s", self.decision_period_s),
             ("close_look_s", self.close_look_s),
             ("label_delay_s", self.label_delay_s),
+            ("tracking_margin_m", self.tracking_margin_m),
         ];
         if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a positive number" });

@@ -176,8 +176,10 @@ impl Fly {
         }
     }
 
-    /// Stays inside a fence (of the map's frame), and flies nowhere from where the battery would not bring it back.
-    pub fn limit(&mut self, geofence: Option<Geofence>, battery: Option<Battery>) {
+    /// Keeps `margin_m` for what its body may be off the set-point, stays inside a fence (of the map's frame), and flies nowhere from
+    /// where the battery would not bring it back.
+    pub fn limit(&mut self, margin_m: f64, geofence: Option<Geofence>, battery: Option<Battery>) {
+        self.config.margin_m = margin_m;
         self.config.geofence = geofence;
         self.battery = battery;
     }

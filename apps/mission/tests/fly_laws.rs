@@ -13,6 +13,7 @@ const PILLAR: ([f64; 2], [f64; 2]) = ([3.8, 2.8], [4.2, 3.2]);
 const PERIOD_S: f64 = 0.02;
 const FLIGHT_Z_M: f64 = 1.2;
 const LANDED_Z_M: f64 = 0.2;
+const MARGIN_M: f64 = 0.02;
 
 /// Distance to the hall's surfaces; nobody has looked beyond them.
 fn distance_m(p: &Point3<f64>) -> Option<f64> {
@@ -243,7 +244,7 @@ const BATTERY: Battery = Battery { endurance_s: 90.0, reserve: 0.1, cruise_mps: 
 fn a_low_battery_brings_it_home_and_down_whatever_it_was_told() {
     let mut flight = Flight::new();
     let home = flight.at.xy();
-    flight.fly.limit(None, Some(BATTERY));
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
     flight.drain_per_s = 1.0 / BATTERY.endurance_s;
     let mut places = [Point2::new(7.0, 1.5), Point2::new(7.0, 5.0), Point2::new(1.0, 5.0)].into_iter().cycle();
     for _ in 0..20 {
@@ -264,7 +265,7 @@ fn a_low_battery_brings_it_home_and_down_whatever_it_was_told() {
 #[test]
 fn a_flight_from_which_the_battery_would_not_bring_it_back_is_refused() {
     let mut flight = Flight::new();
-    flight.fly.limit(None, Some(BATTERY));
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
     // Twelve seconds above the reserve: enough for the way back from here, not for five metres there and back.
     flight.charge = 0.1 + 12.0 / BATTERY.endurance_s;
     flight.set_goal(Some(Point2::new(7.0, 2.0)));
@@ -279,7 +280,7 @@ fn a_flight_from_which_the_battery_would_not_bring_it_back_is_refused() {
 #[test]
 fn with_no_charge_for_the_way_back_it_lands_where_it_is() {
     let mut flight = Flight::new();
-    flight.fly.limit(None, Some(BATTERY));
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
     flight.set_goal(Some(Point2::new(7.0, 2.0)));
     flight.go(8.0);
     flight.charge = 0.12;
@@ -292,7 +293,7 @@ fn with_no_charge_for_the_way_back_it_lands_where_it_is() {
 fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
     let mut flight = Flight::new();
     let corners = [[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]].map(|c| Point2::new(c[0], c[1]));
-    flight.fly.limit(Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    flight.fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
     flight.set_goal(Some(Point2::new(7.0, 2.0)));
     flight.go(6.0);
     assert_eq!(*flight.fly.status(), GoalStatus::Failed("it would be outside the fence"));
@@ -302,7 +303,7 @@ fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
     assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
     // Who stands outside does not take off.
     let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
-    fly.limit(Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
     let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &[] };
     let refused = fly.take_off(&Isometry3::translation(6.0, 3.0, LANDED_Z_M), &air);
     assert_eq!(refused, Err("the place above it is outside the fence"));

@@ -178,6 +178,7 @@ fn a_forest_is_flown_without_touching_anything() {
         let (code, out, err) = plan_air(&[file.to_str().unwrap(), "--json", "--repeats", "1", "--fly"]);
         (code, serde_json::from_str::<Value>(&out).unwrap_or_else(|_| panic!("{err}")))
     };
+    let number = |value: &Value| value.as_f64().unwrap();
     let (code, result) = fly(&forest);
     let flown = &result["problems"][0]["flown"];
     assert_eq!((code, &result["flown_clean"], &flown["clean"]), (Some(0), &json!(1), &json!(true)), "{flown}");

@@ -22,6 +22,8 @@ const MAX_NODES: usize = 6_000_000;
 const REACH_M: [f64; 3] = [8.0, 8.0, 1.6];
 /// Clearances are stored in steps of this many metres.
 const STEP_M: f64 = 0.001;
+/// In a gap of an even number of cells the lattice misses the middle by half a cell; the edges' own allowance comes on top.
+const LENIENCE: f64 = 0.6;
 /// What a metre through the unknown costs, where that is allowed.
 const UNKNOWN_PRICE: f64 = 4.0;
 const UNSET: u16 = 0;
@@ -50,7 +52,7 @@ pub struct SearchGrid<'a> {
     clearance: RefCell<Vec<u16>>,
     obstacle_radius_m: f64,
     needed_m: f64,
-    /// What free may lack: 0, or half a cell once a strict search has failed.
+    /// What free may lack: 0, or [`LENIENCE`] cells once a strict search has failed.
     lenience_m: f64,
     /// Whether unknown points count as free, at a price.
     is_hopeful: bool,
@@ -209,11 +211,11 @@ impl<'a> SearchGrid<'a> {
             && (self.forbidden.is_empty() || self.forbidden.binary_search(&node).is_err())
     }
 
-    /// Lets free points lack half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
+    /// Lets free points lack a little more than half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
     /// by that much. A route found so must be centred and checked exactly. Whether this changed anything.
     pub fn relax(&mut self) -> bool {
         let was_strict = self.lenience_m == 0.0;
-        self.lenience_m = 0.5 * self.resolution_m;
+        self.lenience_m = LENIENCE * self.resolution_m;
         was_strict
     }
 
