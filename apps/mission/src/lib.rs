@@ -13,6 +13,7 @@ pub mod alignment;
 pub mod approach;
 pub mod archive;
 pub mod autopilot;
+pub mod blind_spot;
 pub mod body;
 pub mod config;
 pub mod coverage;

@@ -13,6 +13,7 @@ use omni_perception::{
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
+use crate::blind_spot::BlindSpot;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -122,6 +123,12 @@ pub struct WorldModel {
     pub navigation: NavigationMap,
     /// From the body's middle, how far away the floor comes into sight: what the steepest rays of the first scans show.
     blind_m: f64,
+    /// Rise of the steepest ray upwards, per metre of way: how far away a height over the eye comes into sight.
+    steepest_rise: f64,
+    /// What that hid at the first refresh.
+    blind_spot: Option<BlindSpot>,
+    /// Where the LiDAR was at the newest scan.
+    eye: Point3<f64>,
     /// Height of the floor.
     pub floor_m: f64,
     /// Height of the body origin above the floor when it moves.
@@ -186,6 +193,9 @@ impl WorldModel {
             coverage: Coverage::new(config.coverage.clone()),
             navigation: NavigationMap::new(robot),
             blind_m: f64::INFINITY,
+            steepest_rise: 0.0,
+            blind_spot: None,
+            eye: Point3::origin(),
             floor_m,
             body_height_m,
             ignored: Ignored::default(),
@@ -284,6 +294,7 @@ impl WorldModel {
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
+        self.eye = origin;
         if !self.navigation.has_begun() {
             self.see_how_near(&origin, &points);
         }
@@ -311,14 +322,32 @@ impl WorldModel {
         }
     }
 
-    /// The steepest ray so far says where the floor comes into sight.
+    /// The steepest rays so far say where the floor comes into sight, and what is over the head.
     fn see_how_near(&mut self, eye: &Point3<f64>, points: &[Point3<f32>]) {
         const CELL_M: f64 = 0.1;
         let eye_f32 = eye.cast::<f32>();
-        let steepness = |p: &Point3<f32>| (eye_f32.z - p.z) / (p.x - eye_f32.x).hypot(p.y - eye_f32.y).max(0.1);
-        let steepest = f64::from(points.iter().map(steepness).fold(0.0, f32::max));
+        let rise = |p: &Point3<f32>| (p.z - eye_f32.z) / (p.x - eye_f32.x).hypot(p.y - eye_f32.y).max(0.1);
+        let (down, up) =
+            points.iter().map(rise).fold((0.0_f32, 0.0_f32), |(low, high), rise| (low.min(rise), high.max(rise)));
         let height_m = eye.z - self.floor_m;
-        self.blind_m = self.blind_m.min(height_m / steepest.max(1e-3) + CELL_M);
+        self.blind_m = self.blind_m.min(height_m / f64::from(-down).max(1e-3) + CELL_M);
+        self.steepest_rise = self.steepest_rise.max(f64::from(up));
+    }
+
+    /// The slice of the rooms; what is over the robot's head at the first time stays open until it is seen.
+    fn room_slice(&mut self) -> OccupancyGrid {
+        let mut slice = self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
+        let spot = self.blind_spot.get_or_insert_with(|| {
+            const CELL_M: f64 = 0.1;
+            const MOST_BLIND_M: f64 = 1.5;
+            let eye = self.eye;
+            let over_m = self.floor_m + ROOM_SLICE_M.1 - eye.z;
+            let reach_m = (over_m / self.steepest_rise.max(1e-3) + CELL_M).min(MOST_BLIND_M);
+            let at_eye = self.volume.slice(eye.z - CELL_M, eye.z + CELL_M, None);
+            BlindSpot::new(&slice, &at_eye, &eye.xy(), reach_m)
+        });
+        spot.fill(&mut slice);
+        slice
     }
 
     /// Points at the height of the body, thinned to one per 4 cm.
@@ -422,8 +451,7 @@ impl WorldModel {
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
         let events = clock.time("places", || self.places.update(&self.field));
-        self.slice = clock
-            .time("slice", || self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None));
+        self.slice = clock.time("slice", || self.room_slice());
         clock.time("navigation", || {
             self.navigation.refresh(
                 &self.volume,

@@ -3,7 +3,7 @@
 use crate::graph::SceneGraph;
 use crate::ids::ObjectId;
 use crate::labels::label_similarity;
-use crate::memory::drift_m;
+use crate::memory::{ObjectMemory, drift_m};
 use crate::object::Object;
 use crate::observe::{AssociationConfig, fitted_bounds, looks_wanted};
 use crate::op::{Op, OpError};
@@ -20,10 +20,17 @@ pub(crate) fn note_apart(graph: &mut SceneGraph, seen: &[ObjectId]) {
                 (Some(first), Some(second)) => first.bounds.gap_m(&second.bounds) < 0.3,
                 _ => false,
             };
-            if near && let Some(memory) = graph.memory.get_mut(&a) {
-                *memory.apart.entry(b).or_insert(0) += 1;
+            if near {
+                note_seen_as_two(graph, a, b, 1);
             }
         }
+    }
+}
+
+/// So many frames showed them as two.
+pub(crate) fn note_seen_as_two(graph: &mut SceneGraph, a: ObjectId, b: ObjectId, frames: u32) {
+    if let Some(memory) = graph.memory.get_mut(&a.min(b)) {
+        *memory.apart.entry(a.max(b)).or_insert(0) += frames;
     }
 }
 
@@ -101,20 +108,27 @@ fn merge(graph: &mut SceneGraph, from: ObjectId, into: ObjectId, config: &Associ
     memory.apart.remove(&into);
     memory.forget_smear(object.last_seen_ns);
     let mut object = Object::clone(object);
+    let is_confirmed = object.confirmed;
+    refit(&mut object, memory, config);
+    object.confirmed |= is_confirmed;
+    graph.apply(Op::PutObject(Box::new(object)))?;
+    Ok(())
+}
+
+/// Name, box, caption and colour as votes and memory say them now.
+pub(crate) fn refit(object: &mut Object, memory: &ObjectMemory, config: &AssociationConfig) {
+    (object.label, object.label_margin) = winner(&object.votes);
     if let Some(bounds) = fitted_bounds(&object.label, memory) {
         object.bounds = bounds;
         object.centroid = bounds.center();
     }
-    (object.label, object.label_margin) = winner(&object.votes);
     if let Some(caption) = memory.caption(&object.label) {
         object.caption = caption.to_owned();
     }
     object.color = memory.color().or(object.color);
     object.attributes = crate::attributes::attributes_of(&object.caption, object.color);
-    object.confirmed |=
-        object.observations >= looks_wanted(&object, config) && object.label_margin >= config.confirm_margin;
-    graph.apply(Op::PutObject(Box::new(object)))?;
-    Ok(())
+    object.confirmed =
+        object.observations >= looks_wanted(object, config) && object.label_margin >= config.confirm_margin;
 }
 
 /// Removes objects that are not there: false alarms that were seen once or twice and not again although looked at, and
@@ -143,7 +157,7 @@ pub fn forget_ghosts(
         let Some(is_through) = seen_through(object) else {
             continue;
         };
-        let memory = memory.entry(object.id).or_insert_with(|| crate::memory::ObjectMemory::from_box(object));
+        let memory = memory.entry(object.id).or_insert_with(|| ObjectMemory::from_box(object));
         memory.looks += 1;
         memory.looks_through += u32::from(is_through);
         let unconfirmed = !object.confirmed;

@@ -117,6 +117,7 @@ pub mod rooms;
 mod scan;
 mod sight;
 pub mod spark;
+mod splits;
 mod support;
 pub mod text;
 pub mod vote;

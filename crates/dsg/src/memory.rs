@@ -13,6 +13,7 @@ use nalgebra::{Point3, Vector3};
 use crate::bounds::Aabb;
 use crate::ids::ObjectId;
 use crate::object::Object;
+use crate::splits::Cut;
 
 /// Side of a voxel at first; doubled for objects that need more than [`MAX_CELLS`].
 const VOXEL_M: f64 = 0.05;
@@ -58,6 +59,8 @@ pub struct ObjectMemory {
     pub(crate) looks_through: u32,
     /// Video numbers that are its own at present.
     pub(crate) tracks: BTreeMap<u64, Track>,
+    /// Where it has been seen as two pieces. Not kept in files.
+    pub(crate) cut: Option<Cut>,
 }
 
 /// How well a video number is known to be an object's.
@@ -91,6 +94,7 @@ impl Default for ObjectMemory {
             looks: 0,
             looks_through: 0,
             tracks: BTreeMap::new(),
+            cut: None,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Objects over time: what one frame shows becomes votes, points and captions of objects that persist.
 //!
 //! [`observe_objects`] reads like the paper's section: prepare the views, associate them with known objects, fold them in
-//! (Eq. 4), and join objects that turn out to be one. One frame is one batch: one revision.
+//! (Eq. 4), join objects that turn out to be one, and divide those that turn out to be two. One frame is one batch: one revision.
 
 use std::collections::BTreeMap;
 
@@ -71,6 +71,9 @@ pub struct AssociationConfig {
     /// Looks through the place of an object (nothing is there any more) after which it is forgotten. Default 6;
     /// unconfirmed objects go after a third.
     pub gone_looks: u32,
+    /// Frames that showed an object as the same two pieces beside each other, after which it is two, if that is at least half
+    /// of all frames that showed it. Default 6.
+    pub split_frames: u32,
 }
 
 impl Default for AssociationConfig {
@@ -89,6 +92,7 @@ impl Default for AssociationConfig {
             confirm_margin: 0.2,
             ghost_looks: 8,
             gone_looks: 6,
+            split_frames: 6,
         }
     }
 }
@@ -99,6 +103,9 @@ impl AssociationConfig {
         let error = |field, rule| Err(ConfigError { field, rule });
         if self.min_points == 0 {
             return error("min_points", "at least 1");
+        }
+        if self.split_frames == 0 {
+            return error("split_frames", "at least 1");
         }
         for (field, share) in [
             ("overlap", self.overlap),
@@ -131,6 +138,8 @@ pub struct AssociationReport {
     pub created: Vec<ObjectId>,
     /// Objects that turned out to be others: (gone, stayed).
     pub merged: Vec<(ObjectId, ObjectId)>,
+    /// Objects that turned out to be two: (stayed, new).
+    pub split: Vec<(ObjectId, ObjectId)>,
     /// Evidence without enough finite points, score or labels.
     pub skipped: usize,
     /// The revision afterwards.
@@ -202,6 +211,21 @@ pub fn observe_objects(
         }
     }
     report.created.retain(|id| graph.object(*id).is_some());
+
+    // Objects that turn out to be two.
+    let mut views_of: BTreeMap<ObjectId, Vec<&View>> = BTreeMap::new();
+    for view in &views {
+        if let Some(id) = report.object_of[view.index] {
+            views_of.entry(id).or_default().push(view);
+        }
+    }
+    for (id, views) in &views_of {
+        if let Some(memory) = graph.memory.get_mut(id) {
+            crate::splits::note_cut(memory, views);
+        }
+    }
+    let shown: Vec<ObjectId> = views_of.keys().copied().collect();
+    report.split = crate::splits::split_pairs(graph, &shown, config)?;
     report.revision = graph.revision();
     Ok(report)
 }
@@ -366,6 +390,51 @@ mod tests {
         };
         assert_eq!(frames_until_believed("picture"), 3);
         assert_eq!(frames_until_believed("workbench"), 15);
+    }
+
+    #[test]
+    fn two_chairs_under_one_mask_are_two_once_they_are_seen_as_two() {
+        let mut graph = SceneGraph::new();
+        let config = AssociationConfig::default();
+        let chair = |x: f32| top([x, 0.0, 0.45], [0.4, 0.4]);
+        let both = [chair(-0.25), chair(0.25)].concat();
+        for frame in 0..10 {
+            observe_objects(&mut graph, &[view(frame, "chair", both.clone())], &config).unwrap();
+        }
+        assert_eq!(graph.objects().count(), 1);
+        let mut split = Vec::new();
+        for frame in 10..40 {
+            // A glance now and then shows one of them only.
+            let mut views = vec![view(frame, "chair", chair(-0.25)), view(frame, "chair", chair(0.25))];
+            views.truncate(if frame % 7 == 0 { 1 } else { 2 });
+            let report = observe_objects(&mut graph, &views, &config).unwrap();
+            split.extend(report.split.into_iter().map(|pair| (frame, pair)));
+        }
+        let [(frame, (old, new))] = split[..] else { panic!("{split:?}") };
+        assert!((20..30).contains(&frame) && old < new, "{split:?}");
+        let mut chairs: Vec<&Object> = graph.confirmed_objects().collect();
+        chairs.sort_by(|a, b| a.centroid.x.total_cmp(&b.centroid.x));
+        assert_eq!(chairs.len(), 2);
+        for (object, x) in chairs.iter().zip([-0.25, 0.25]) {
+            assert!((object.centroid.x - x).abs() < 0.03 && object.bounds.sides_m().x < 0.45, "{object:?}");
+        }
+        graph.check_invariants().unwrap();
+    }
+
+    #[test]
+    fn a_bench_that_a_segmenter_cuts_in_two_for_seconds_stays_one() {
+        let mut graph = SceneGraph::new();
+        let config = AssociationConfig::default();
+        let piece = |x: f32| top([x, 0.0, 0.45], [0.7, 0.4]);
+        let whole = [piece(-0.36), piece(0.36)].concat();
+        for frame in 0..60 {
+            let views = match frame % 20 {
+                12..20 => vec![view(frame, "bench", piece(-0.36)), view(frame, "bench", piece(0.36))],
+                _ => vec![view(frame, "bench", whole.clone())],
+            };
+            observe_objects(&mut graph, &views, &config).unwrap();
+        }
+        assert_eq!(graph.objects().count(), 1);
     }
 
     #[test]

@@ -16,6 +16,7 @@ pub mod footprint;
 pub mod grid;
 pub mod local_policy;
 pub mod policy_config;
+pub mod polygon_map;
 pub mod route;
 pub mod visibility;
 
@@ -26,3 +27,5 @@ mod motion;
 mod obstacles;
 mod outline;
 mod path;
+mod sight;
+mod triangles;

@@ -101,5 +101,6 @@ pub use ground::{
     grid::{GridView, GroundError},
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
+    polygon_map::{NoWay, PolygonError, PolygonMap, PolygonRoute},
     visibility::{Route, VisibilityGraph},
 };

@@ -295,10 +295,15 @@ pub fn flat_3d(door_m: f64, seed: u64) -> Voxels {
 
 /// A file of the peers' data for the aerial planner; says so and is `None` where that folder is absent.
 pub fn shared_aerial(file: &str) -> Option<String> {
+    shared(&format!("aerial/{file}"))
+}
+
+/// A file of `shared/data`, if it is there.
+pub fn shared(file: &str) -> Option<String> {
     let here = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let found = here.ancestors().map(|a| a.join("shared/data/aerial").join(file)).find(|p| p.exists());
+    let found = here.ancestors().map(|a| a.join("shared/data").join(file)).find(|p| p.exists());
     if found.is_none() {
-        eprintln!("skipped: no shared/data/aerial/{file}");
+        eprintln!("skipped: no shared/data/{file}");
     }
     std::fs::read_to_string(found?).ok()
 }

@@ -1,0 +1,320 @@
+//! The shortest way between polygons: what a floor plan knows exactly.
+//!
+//! ```text
+//! rings --triangles--> free space --sight--> corners that see each other
+//!     both ends taut --> tangents: a rubber band round obstacles uses no other edges
+//! start, goal --sight--> tangents to them --A*--> shortest way
+//! ```
+//!
+//! A point robot may touch walls and corners. Sides are decided by exact predicates, so nothing depends on a tolerance; lengths are
+//! sums of rounded square roots. A corner is passed with its obstacle on the left or on the right: two nodes of the search, which
+//! halves the branches.
+
+use std::collections::BinaryHeap;
+
+use nalgebra::Point2;
+
+use super::lattice::Entry;
+use super::sight::{Bounds, Eye, Sight};
+use super::triangles::{Triangles, turn};
+
+/// Coordinates up to this: exact predicates do not overflow.
+const LARGEST: f64 = 1e12;
+
+/// What is wrong with a map of polygons.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PolygonError {
+    /// A ring is no ring.
+    #[error("ring {ring} has {count} corners; it needs three that are not on one line")]
+    NoRing {
+        /// 0 is the outer one, then the holes.
+        ring: usize,
+        /// Its corners.
+        count: usize,
+    },
+    /// A coordinate is not finite or too large.
+    #[error("corner {corner} of ring {ring} is not a number of at most 1e12")]
+    NotFinite {
+        /// 0 is the outer one, then the holes.
+        ring: usize,
+        /// From 0.
+        corner: usize,
+    },
+    /// Two sides cross each other.
+    #[error("the side from {from} to {to} crosses another one")]
+    Crossing {
+        /// One end.
+        from: Point2<f64>,
+        /// The other.
+        to: Point2<f64>,
+    },
+    /// Rings touch, or a corner appears twice.
+    #[error("rings touch each other, or a corner appears twice; move them apart or join them")]
+    Touching,
+    /// A hole lies outside of the outer ring, or in another hole.
+    #[error("a hole lies outside of the outer ring or in another hole")]
+    NotEnclosed,
+    /// More corners than numbers for them.
+    #[error("the map has too many corners")]
+    TooLarge,
+}
+
+/// Why there is no way.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum NoWay {
+    /// A coordinate is not finite.
+    #[error("start or goal is not a finite point")]
+    NotFinite,
+    /// The start is in a wall.
+    #[error("the start is not in free space; the nearest free point is {nearest}")]
+    StartBlocked {
+        /// The nearest free point.
+        nearest: Point2<f64>,
+    },
+    /// The goal is in a wall.
+    #[error("the goal is not in free space; the nearest point that can be reached is {nearest}")]
+    GoalBlocked {
+        /// The nearest point in the part of the start.
+        nearest: Point2<f64>,
+    },
+    /// Both are free, and walls are between them everywhere.
+    #[error("walls part start and goal; the nearest point that can be reached is {nearest}")]
+    Unreachable {
+        /// The nearest point in the part of the start.
+        nearest: Point2<f64>,
+    },
+}
+
+/// A shortest way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PolygonRoute {
+    /// From start to goal, a point at each bend.
+    pub points: Vec<Point2<f64>>,
+    /// Sum of the legs.
+    pub length: f64,
+}
+
+/// Free space between polygons, made ready for shortest ways.
+#[derive(Debug, Clone)]
+pub struct PolygonMap {
+    triangles: Triangles,
+    /// Per point its neighbours on its ring, before and after, and whether a way can bend round it.
+    neighbours: Vec<[u32; 2]>,
+    is_bend: Vec<bool>,
+    /// Tangents from each node (2 * point + side): `tangents[starts[node]..starts[node + 1]]`.
+    tangents: Vec<Tangent>,
+    starts: Vec<u32>,
+}
+
+/// A taut edge to a node.
+#[derive(Debug, Clone, Copy)]
+struct Tangent {
+    node: u32,
+    length: f64,
+}
+
+impl PolygonMap {
+    /// `outer` encloses the free space, `holes` are taken out of it; either may turn either way. Any unit of length.
+    ///
+    /// # Errors
+    /// [`PolygonError`].
+    pub fn new(outer: &[Point2<f64>], holes: &[Vec<Point2<f64>>]) -> Result<PolygonMap, PolygonError> {
+        let mut points: Vec<Point2<f64>> = Vec::new();
+        let mut rings = Vec::new();
+        for (ring, corners) in std::iter::once(outer).chain(holes.iter().map(Vec::as_slice)).enumerate() {
+            if let Some(corner) = corners.iter().position(|p| !p.iter().all(|x| x.abs() <= LARGEST)) {
+                return Err(PolygonError::NotFinite { ring, corner });
+            }
+            let area: f64 =
+                corners.iter().zip(corners.iter().cycle().skip(1)).map(|(p, q)| p.coords.perp(&q.coords)).sum();
+            if corners.len() < 3 || area == 0.0 {
+                return Err(PolygonError::NoRing { ring, count: corners.len() });
+            }
+            let start = points.len();
+            points.extend_from_slice(corners);
+            // The free space on the left: outside round, holes the other way.
+            if (area > 0.0) != (ring == 0) {
+                points[start..].reverse();
+            }
+            let end =
+                u32::try_from(points.len()).ok().filter(|end| *end < u32::MAX / 8).ok_or(PolygonError::TooLarge)?;
+            rings.push(start as u32..end);
+        }
+        let mut neighbours = vec![[0; 2]; points.len()];
+        for ring in &rings {
+            for k in ring.clone() {
+                let before = if k == ring.start { ring.end - 1 } else { k - 1 };
+                (neighbours[k as usize][0], neighbours[before as usize][1]) = (before, k);
+            }
+        }
+        let bends = |(p, [before, after]): (&Point2<f64>, &[u32; 2])| {
+            turn(&points[*before as usize], p, &points[*after as usize]) <= 0.0
+        };
+        let is_bend = points.iter().zip(&neighbours).map(bends).collect();
+        let triangles = Triangles::new(points, &rings)?;
+        let mut map = PolygonMap { triangles, neighbours, is_bend, tangents: Vec::new(), starts: Vec::new() };
+        map.connect();
+        Ok(map)
+    }
+
+    /// Corners of all rings.
+    pub fn corner_count(&self) -> usize {
+        self.neighbours.len()
+    }
+
+    /// Tangents between corners, each counted once.
+    pub fn tangent_count(&self) -> usize {
+        self.tangents.len() / 2
+    }
+
+    /// The shortest way.
+    ///
+    /// # Errors
+    /// [`NoWay`] offers the nearest point that can be reached instead.
+    pub fn route(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Result<PolygonRoute, NoWay> {
+        if !(start.coords.iter().chain(goal.coords.iter())).all(|x| x.abs() <= LARGEST) {
+            return Err(NoWay::NotFinite);
+        }
+        let map = &self.triangles;
+        let nearest = |part| map.nearest(goal, Some(part)).unwrap_or(*goal);
+        let from = map
+            .holding(start)
+            .ok_or_else(|| NoWay::StartBlocked { nearest: map.nearest(start, None).unwrap_or(*start) })?;
+        let part = map.part_of[from as usize];
+        let to = map.holding(goal).ok_or_else(|| NoWay::GoalBlocked { nearest: nearest(part) })?;
+        if map.part_of[to as usize] != part {
+            return Err(NoWay::Unreachable { nearest: nearest(part) });
+        }
+        Ok(self.shortest(start, from, goal, to))
+    }
+
+    /// A* over tangents; `from` and `to` are triangles of one part that hold start and goal.
+    fn shortest(&self, start: &Point2<f64>, from: u32, goal: &Point2<f64>, to: u32) -> PolygonRoute {
+        let mut sight = Sight::default();
+        let nodes = 2 * self.corner_count();
+        // What the goal sees, and the start.
+        let mut to_goal = vec![f64::INFINITY; nodes];
+        let mut note = |tangent: Tangent| to_goal[tangent.node as usize] = tangent.length;
+        self.tangents_at(goal, to, true, &mut sight, &mut note, &mut |_, _| {});
+        let mut best = vec![(f64::INFINITY, u32::MAX); nodes + 1];
+        let mut heap = BinaryHeap::new();
+        let the_goal = nodes as u32;
+        let place = |node: u32| if node == the_goal { goal } else { &self.triangles.points[node as usize / 2] };
+        let mut is_seen = false;
+        self.tangents_at(
+            start,
+            from,
+            false,
+            &mut sight,
+            &mut |Tangent { node, length }| {
+                if length < best[node as usize].0 {
+                    best[node as usize].0 = length;
+                    heap.push(Entry { cost: length + (place(node) - goal).norm(), distance: length, node });
+                }
+            },
+            &mut |triangle, cone| {
+                let is_in =
+                    |cone: Bounds| turn(start, &cone.right, goal) >= 0.0 && turn(start, &cone.left, goal) <= 0.0;
+                is_seen |= triangle == to && cone.is_none_or(is_in);
+            },
+        );
+        if is_seen {
+            return PolygonRoute { points: vec![*start, *goal], length: (goal - start).norm() };
+        }
+        while let Some(Entry { distance, node, .. }) = heap.pop() {
+            if node == the_goal {
+                break;
+            }
+            if distance > best[node as usize].0 {
+                continue;
+            }
+            let tangents = self.starts[node as usize] as usize..self.starts[node as usize + 1] as usize;
+            let last = to_goal[node as usize];
+            let last = last.is_finite().then_some(Tangent { node: the_goal, length: last });
+            for tangent in self.tangents[tangents].iter().copied().chain(last) {
+                let reached = distance + tangent.length;
+                if reached < best[tangent.node as usize].0 {
+                    best[tangent.node as usize] = (reached, node);
+                    let cost = reached + (place(tangent.node) - goal).norm();
+                    heap.push(Entry { cost, distance: reached, node: tangent.node });
+                }
+            }
+        }
+        let mut points = vec![*goal];
+        let mut node = best[the_goal as usize].1;
+        while node != u32::MAX {
+            points.push(*place(node));
+            node = best[node as usize].1;
+        }
+        points.push(*start);
+        points.reverse();
+        points.dedup();
+        let length = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        PolygonRoute { points, length }
+    }
+
+    /// Calls `tangent` for every bend that is seen from `at` (in triangle `holding`) and that a rubber band to there, or from there if
+    /// `is_back`, would lie against; `triangle` hears what triangles are seen.
+    fn tangents_at(
+        &self,
+        at: &Point2<f64>,
+        holding: u32,
+        is_back: bool,
+        sight: &mut Sight,
+        tangent: &mut dyn FnMut(Tangent),
+        triangle: &mut dyn FnMut(u32, Option<Bounds>),
+    ) {
+        let corner =
+            self.triangles.corners[holding as usize].into_iter().find(|p| self.triangles.points[*p as usize] == *at);
+        let eye = corner.map_or(Eye::Inside(holding), Eye::Corner);
+        let mut seen = |p: u32| {
+            if self.is_bend[p as usize] {
+                let place = &self.triangles.points[p as usize];
+                let (from, to) = if is_back { (place, at) } else { (at, place) };
+                let length = (to - from).norm();
+                self.nodes_at(p, from, to).into_iter().flatten().for_each(|node| tangent(Tangent { node, length }));
+            }
+        };
+        sight.look(&self.triangles, eye, at, &mut seen, triangle);
+    }
+
+    /// The nodes of point `p` for who travels along a line: with its obstacle on the left (even), on the right (odd), on both sides
+    /// of a flat wall, or none if the line would cut it.
+    fn nodes_at(&self, p: u32, from: &Point2<f64>, to: &Point2<f64>) -> [Option<u32>; 2] {
+        let [before, after] = self.neighbours[p as usize].map(|q| turn(from, to, &self.triangles.points[q as usize]));
+        [(before >= 0.0 && after >= 0.0).then_some(2 * p), (before <= 0.0 && after <= 0.0).then_some(2 * p + 1)]
+    }
+
+    fn connect(&mut self) {
+        let mut sight = Sight::default();
+        let mut pairs: Vec<(u32, Tangent)> = Vec::new();
+        let points = &self.triangles.points;
+        for u in (0..points.len() as u32).filter(|u| self.is_bend[*u as usize]) {
+            let from = &points[u as usize];
+            let mut seen = |v: u32| {
+                if v <= u || !self.is_bend[v as usize] {
+                    return;
+                }
+                let to = &points[v as usize];
+                let length = (to - from).norm();
+                for a in self.nodes_at(u, from, to).into_iter().flatten() {
+                    for b in self.nodes_at(v, from, to).into_iter().flatten() {
+                        pairs.push((a, Tangent { node: b, length }));
+                        // The other way round the obstacle is on the other side.
+                        pairs.push((b ^ 1, Tangent { node: a ^ 1, length }));
+                    }
+                }
+            };
+            sight.look(&self.triangles, Eye::Corner(u), from, &mut seen, &mut |_, _| {});
+        }
+        pairs.sort_by_key(|(from, tangent)| (*from, tangent.node));
+        self.starts = vec![0; 2 * points.len() + 1];
+        for (from, _) in &pairs {
+            self.starts[*from as usize + 1] += 1;
+        }
+        for k in 1..self.starts.len() {
+            self.starts[k] += self.starts[k - 1];
+        }
+        self.tangents = pairs.into_iter().map(|(_, tangent)| tangent).collect();
+    }
+}
