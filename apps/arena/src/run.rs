@@ -14,6 +14,7 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
+use mission::planner::Battery;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
 use mission::robot_model::RobotModel;
@@ -63,13 +64,22 @@ impl RunConfig {
         let is_lidar_fixed = options.lidar == LidarMount::Fixed;
         RunConfig {
             max_time_s: options.max_time,
-            mission: MissionConfig { vision, ..MissionConfig::default() },
-            simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
+            mission: MissionConfig { vision, battery: options.battery.map(battery), ..MissionConfig::default() },
+            simulation: SimulationConfig {
+                is_lidar_fixed,
+                battery_endurance_s: options.battery,
+                ..SimulationConfig::default()
+            },
             llm,
             segmenter: options.segmenter.as_deref().map(HttpSegmenterConfig::new),
             ..RunConfig::default()
         }
     }
+}
+
+/// What the robot is told of a battery that lasts so long: a sixth of it is kept, and the way back is flown slowly.
+pub fn battery(endurance_s: f64) -> Battery {
+    Battery { endurance_s, reserve: 1.0 / 6.0, cruise_mps: 0.6, landing_s: 8.0 }
 }
 
 impl RunConfig {

@@ -6,8 +6,9 @@ use robot_model::{RobotKind, RobotModel};
 
 use crate::config::MissionConfig;
 use crate::drive::{Drive, DriveConfig};
+use crate::emergency::Emergency;
 use crate::error::MissionError;
-use crate::fly::{Emergency, Fly, Phase};
+use crate::fly::{Fly, Phase};
 use crate::goal::{Goal, GoalStatus};
 use crate::stage_clock::StageClock;
 use crate::stream::Command;

@@ -12,6 +12,8 @@ use planner::{
 };
 use robot_model::RobotModel;
 
+use crate::air_checks::{INTRUSION_M, is_column_free, keeps, landing_places};
+use crate::emergency::{Emergency, RETURN_ROOM};
 use crate::flight_limits::flight_limits;
 use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
@@ -27,14 +29,8 @@ const RESTING_MPS: f64 = 0.05;
 const REPLAN_BEFORE_S: f64 = 2.0;
 /// A part of a way counts as progress if it leaves so much less of it.
 const PROGRESS_M: f64 = 0.5;
-/// Voxels may shift by their size between two looks: only what comes this far into the robot's ball is an intrusion.
-const INTRUSION_M: f64 = 0.05;
 /// The set-point is so far below the body: it stands on something.
 const STANDS_M: f64 = 0.25;
-/// Rings round the place above which it shall land, where below it there is no room.
-const LANDING_RINGS_M: [f64; 4] = [0.6, 1.2, 1.8, 2.4];
-/// The way back is reckoned longer by this share, the wind and the bends.
-const RETURN_ROOM: f64 = 1.3;
 
 /// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,25 +55,6 @@ enum LandingWish {
     Wanted,
     /// Straight down from where it comes to rest.
     Below,
-}
-
-/// Why it goes back or down whatever it was told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Emergency {
-    /// The battery has just enough for the way back: it returns and lands.
-    Returning,
-    /// Not even for that, or nobody knows the way: it lands here.
-    LandingHere,
-}
-
-impl Emergency {
-    /// For people.
-    pub fn reason(self) -> &'static str {
-        match self {
-            Emergency::Returning => "the battery is low, so it went back to where it started",
-            Emergency::LandingHere => "the battery is low and the way back too long, so it landed where it was",
-        }
-    }
 }
 
 /// What is flown now, and for how long.
@@ -213,7 +190,7 @@ impl Fly {
             return Err("the place above it is outside the fence");
         }
         // The floor touches the ball, and above it nobody may have looked; what is known there must be free.
-        if !self.is_column_free(&here, self.flight_height_m, air) {
+        if !is_column_free(&here, self.flight_height_m, self.ground_clearance_m, self.config.radius_m, air) {
             return Err("there is no room to fly above where it stands");
         }
         let limits = &self.config.limits;
@@ -304,28 +281,24 @@ impl Fly {
     /// The battery says how full it is (0 to 1); `way_home_m` is the way back from here. Goes back or down when it must.
     pub fn set_charge(&mut self, charge: f64, way_home_m: Option<f64>) {
         self.charge = charge;
-        let Some(battery) = &self.battery else { return };
+        let (Some(battery), Some(home)) = (&self.battery, self.home) else { return };
         if self.phase != Phase::Flying || self.landing != LandingWish::No {
             return;
         }
-        let left_s = battery.left_s(charge);
-        let back_s = way_home_m.map(|way_m| battery.return_s(RETURN_ROOM * way_m));
-        match (self.emergency, back_s, self.home) {
-            (None, Some(back_s), Some(home)) if left_s >= battery.landing_s => {
-                if left_s <= back_s {
-                    self.take_goal(Goal::Reach { target: home, tolerance_m: 0.5, heading_rad: None });
-                    self.emergency = Some(Emergency::Returning);
-                }
+        let due = Emergency::due(self.emergency, battery, charge, way_home_m);
+        if due == self.emergency {
+            return;
+        }
+        match due {
+            Some(Emergency::Returning) => {
+                self.take_goal(Goal::Reach { target: home, tolerance_m: 0.5, heading_rad: None });
             }
-            // What is flown then is the reserve.
-            (Some(Emergency::Returning), Some(_), _) if charge * battery.endurance_s > battery.landing_s => {}
-            (None, None, _) if left_s > battery.landing_s => {}
             _ => {
                 self.take_goal(Goal::Stay);
-                self.emergency = Some(Emergency::LandingHere);
                 self.landing = LandingWish::Wanted;
             }
         }
+        self.emergency = due;
     }
 
     /// Plans anew on a fresh map: for a new goal, for the next part of a way, or because the old plan is no longer free. `route`
@@ -469,47 +442,20 @@ impl Fly {
     /// Whether what is left of a proved flight is still free. What is not known any more was known when it was proved.
     fn is_still_free(&self, rest: &PolynomialTrajectory, air: &AirSpace) -> bool {
         let movers = Movers { list: air.movers, keep_m: self.config.radius_m, horizon_s: self.config.prediction_s };
-        Self::keeps(rest, self.config.radius_m - INTRUSION_M, true, air) && movers.slack_m(rest) >= 0.0
-    }
-
-    /// Whether a trajectory keeps `ball_m` away from what the map shows now. `if_unknown`: the answer where nobody has looked.
-    fn keeps(plan: &PolynomialTrajectory, ball_m: f64, if_unknown: bool, air: &AirSpace) -> bool {
-        const STEP_S: f64 = 0.1;
-        let duration_s = plan.duration();
-        let steps = (duration_s / STEP_S).ceil().max(0.0) as usize;
-        (0..=steps).all(|step| {
-            let point = plan.sample((step as f64 * STEP_S).min(duration_s)).p;
-            (air.distance)(&point).map_or(if_unknown, |distance_m| distance_m >= ball_m)
-        })
-    }
-
-    /// Whether nothing that is known is in the column between a place and a height, but for the ground on which it lands.
-    fn is_column_free(&self, at: &Point3<f64>, other_m: f64, air: &AirSpace) -> bool {
-        const STEP_M: f64 = 0.1;
-        let ball_m = self.config.radius_m - INTRUSION_M;
-        let lowest_m = self.ground_clearance_m.max(at.z.min(other_m)) + ball_m;
-        let steps = ((at.z.max(other_m) - lowest_m) / STEP_M).ceil().max(0.0) as usize;
-        (0..=steps).all(|step| {
-            let point = Point3::new(at.x, at.y, lowest_m + step as f64 * STEP_M);
-            (air.distance)(&point).is_none_or(|distance_m| distance_m >= ball_m)
-        })
+        keeps(rest, self.config.radius_m - INTRUSION_M, true, air) && movers.slack_m(rest) >= 0.0
     }
 
     /// Down here if there is room; else above the nearest place where there is, else here all the same.
     fn choose_landing(&mut self, air: &AirSpace) {
         let here = self.hover;
-        let is_free = |p: &Point3<f64>| self.is_column_free(p, self.ground_clearance_m, air);
+        let (ground_m, radius_m) = (self.ground_clearance_m, self.config.radius_m);
+        let is_free = |p: &Point3<f64>| is_column_free(p, ground_m, ground_m, radius_m, air);
         let start = FlightState::resting_at(here);
-        let ring = LANDING_RINGS_M.iter().flat_map(|radius_m| {
-            (0..8).map(move |k| {
-                let (sin, cos) = (std::f64::consts::FRAC_PI_4 * f64::from(k)).sin_cos();
-                here + Vector3::new(radius_m * cos, radius_m * sin, 0.0)
-            })
-        });
         let beside = if is_free(&here) {
             None
         } else {
-            let mut flights = ring.filter(is_free).filter_map(|p| plan_air(&start, &p, air, &self.config).ok());
+            let mut flights =
+                landing_places(here).filter(is_free).filter_map(|p| plan_air(&start, &p, air, &self.config).ok());
             flights.find(|plan| plan.left_m == 0.0 && is_free(&plan.trajectory.sample(f64::MAX).p))
         };
         self.landing = LandingWish::Below;
@@ -536,7 +482,7 @@ impl Fly {
         if self.flying.is_some() && state.v.norm() > RESTING_MPS {
             let brake = planner::stop_trajectory(&state, &self.config.limits);
             // Nobody proved it free: it has to keep the distance that a proof would ask for.
-            if !must && !Self::keeps(&brake, self.config.clearance_m(), false, air) {
+            if !must && !keeps(&brake, self.config.clearance_m(), false, air) {
                 return;
             }
         }

@@ -9,6 +9,7 @@
 //! simulator: the truth cannot reach it, for it does not compile.
 
 pub mod acting;
+mod air_checks;
 pub mod alignment;
 pub mod approach;
 pub mod archive;
@@ -19,6 +20,7 @@ pub mod config;
 pub mod coverage;
 pub mod cycle;
 pub mod drive;
+pub mod emergency;
 pub mod error;
 pub mod flight_limits;
 pub mod fly;

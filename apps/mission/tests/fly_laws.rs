@@ -1,6 +1,7 @@
 //! Laws of the flyer in a hall with a pillar: whatever it is told, and whenever, what it asks of the body is safe to do.
 
-use mission::fly::{Emergency, Fly, Phase};
+use mission::emergency::Emergency;
+use mission::fly::{Fly, Phase};
 use mission::goal::{Goal, GoalStatus};
 use mission::planner::{AirSpace, Battery, Geofence, Mover};
 use mission::robot_model::RobotModel;
