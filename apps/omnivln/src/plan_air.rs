@@ -25,7 +25,7 @@ use self::flown::Flown;
 use self::forest::Forest;
 
 /// What the simulated aircraft is off its plan at most, with room.
-const TRACKING_MARGIN_M: f64 = 0.05;
+const TRACKING_MARGIN_M: f64 = 0.06;
 
 /// Largest file that is read.
 const MAX_BYTES: u64 = 256 << 20;
