@@ -21,13 +21,16 @@ use crate::air::stop::stop_trajectory;
 use crate::air::swept::Swept;
 use crate::air::trajectory::PolynomialTrajectory;
 
+/// Lists the obstacle points in a box, given its low and its high corner.
+pub type ObstaclesInBox<'a> = dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>> + 'a;
+
 /// What a planner may ask about the world. All of it must tell of the same map.
 #[derive(Clone, Copy)]
 pub struct AirSpace<'a> {
     /// Distance from a point to the nearest obstacle *point* (cell centre), `None` where unknown, which counts as blocked.
     pub distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
-    /// Lists the obstacle points in a box, given its low and its high corner.
-    pub obstacles: &'a dyn Fn(&Point3<f64>, &Point3<f64>) -> Vec<Point3<f64>>,
+    /// Obstacle points in a box.
+    pub obstacles: &'a ObstaclesInBox<'a>,
     /// What moves, as it is when the flight begins.
     pub movers: &'a [Mover],
 }

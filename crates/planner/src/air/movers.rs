@@ -107,7 +107,7 @@ impl Interval {
             return bound;
         }
         let at_start = self.apart[0].norm() - (kept_m + growth_mps * self.from_s);
-        if !(at_start >= -PROOF_TOL) {
+        if at_start.is_nan() || at_start < -PROOF_TOL {
             // Truly too near: no refinement will help.
             return at_start;
         }
