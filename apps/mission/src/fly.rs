@@ -252,9 +252,7 @@ impl Fly {
         self.status = if goal == Goal::Stay { GoalStatus::Arrived } else { GoalStatus::Underway };
         self.wants_stop = goal == Goal::Stay;
         self.goal = goal;
-        if self.flying.is_none() {
-            self.look_along();
-        }
+        self.look_along();
     }
 
     /// How it goes with the present goal.

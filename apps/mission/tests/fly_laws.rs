@@ -219,6 +219,19 @@ fn a_place_behind_the_wall_fails_after_a_look_from_half_way() {
 }
 
 #[test]
+fn told_to_turn_in_full_flight_it_turns() {
+    let mut flight = Flight::new();
+    flight.set_goal(Some(Point2::new(7.0, 2.0)));
+    flight.go(1.5);
+    flight.target = None;
+    flight.fly.set_goal(Goal::Turn { heading_rad: 2.5 });
+    flight.go(12.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
+    assert!((flight.yaw_rad - 2.5).abs() < 0.1, "it looks to {}", flight.yaw_rad);
+    assert!(flight.turn_radps <= 0.6 + 1e-6 && flight.nearest_m >= flight.radius_m);
+}
+
+#[test]
 fn it_lands_from_where_it_came_to_rest() {
     let mut flight = Flight::new();
     flight.set_goal(Some(Point2::new(7.0, 1.5)));
