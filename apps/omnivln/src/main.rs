@@ -16,6 +16,7 @@ mod memory;
 mod nine_scenes;
 mod odometry;
 mod plan_air;
+mod plan_ground;
 mod prompt_reader;
 mod quantile;
 mod record;
@@ -60,6 +61,8 @@ enum Command {
     Odometry(odometry::OdometryOptions),
     /// Flies through corridors: certified trajectories, their cost and what they took
     PlanAir(plan_air::PlanAirOptions),
+    /// Shortest ways between polygons
+    PlanGround(plan_ground::PlanGroundOptions),
     /// Which objects sentences mean: the grounder on recorded rooms with labelled boxes, scored
     Refer(refer::ReferOptions),
     /// Measures the whole system and its parts
@@ -95,6 +98,7 @@ fn main() -> ExitCode {
         Command::Record(options) => record::run(&options),
         Command::Odometry(options) => odometry::run(&options),
         Command::PlanAir(options) => plan_air::run(&options),
+        Command::PlanGround(options) => plan_ground::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),

@@ -27,7 +27,7 @@ use self::forest::Forest;
 /// What the simulated aircraft is off its plan at most, with room.
 const TRACKING_MARGIN_M: f64 = 0.06;
 
-/// Largest file that is read.
+/// Largest file of problems that is read.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// Speed limit and price of a second.
@@ -203,7 +203,8 @@ impl Problems {
     }
 }
 
-fn read(path: &std::path::Path) -> Result<String> {
+/// The text of a file of problems.
+pub fn read(path: &std::path::Path) -> Result<String> {
     let place = || path.display().to_string();
     let size = std::fs::metadata(path).with_context(place)?.len();
     if size > MAX_BYTES {

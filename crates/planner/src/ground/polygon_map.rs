@@ -10,6 +10,7 @@
 //! sums of rounded square roots. A corner is passed with its obstacle on the left or on the right: two nodes of the search, which
 //! halves the branches.
 
+use std::cell::Cell;
 use std::collections::BinaryHeap;
 
 use nalgebra::Point2;
@@ -113,6 +114,18 @@ struct Tangent {
     length: f64,
 }
 
+/// No node.
+const NONE: u32 = u32::MAX;
+
+/// How far it is to a node, and what is left at least.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    distance: f64,
+    /// NaN until somebody asks.
+    to_goal: f64,
+    before: u32,
+}
+
 impl PolygonMap {
     /// `outer` encloses the free space, `holes` are taken out of it; either may turn either way. Any unit of length.
     ///
@@ -185,102 +198,112 @@ impl PolygonMap {
         if map.part_of[to as usize] != part {
             return Err(NoWay::Unreachable { nearest: nearest(part) });
         }
-        Ok(self.shortest(start, from, goal, to))
+        self.shortest(start, from, goal, to).ok_or_else(|| NoWay::Unreachable { nearest: nearest(part) })
     }
 
     /// A* over tangents; `from` and `to` are triangles of one part that hold start and goal.
-    fn shortest(&self, start: &Point2<f64>, from: u32, goal: &Point2<f64>, to: u32) -> PolygonRoute {
+    fn shortest(&self, start: &Point2<f64>, from: u32, goal: &Point2<f64>, to: u32) -> Option<PolygonRoute> {
         let mut sight = Sight::default();
         let nodes = 2 * self.corner_count();
-        // What the goal sees, and the start.
-        let mut to_goal = vec![f64::INFINITY; nodes];
-        let mut note = |tangent: Tangent| to_goal[tangent.node as usize] = tangent.length;
-        self.tangents_at(goal, to, true, &mut sight, &mut note, &mut |_, _| {});
-        let mut best = vec![(f64::INFINITY, u32::MAX); nodes + 1];
-        let mut heap = BinaryHeap::new();
         let the_goal = nodes as u32;
-        let place = |node: u32| if node == the_goal { goal } else { &self.triangles.points[node as usize / 2] };
-        let mut is_seen = false;
-        self.tangents_at(
+        let mut best = vec![Reached { distance: f64::INFINITY, to_goal: f64::NAN, before: NONE }; nodes + 1];
+        let mut heap = BinaryHeap::new();
+        let place = |node: u32| &self.triangles.points[node as usize / 2];
+        // What the start sees: perhaps the goal, in its triangle or as the corner that it is.
+        let (from_eye, to_eye) = (self.eye(start, from), self.eye(goal, to));
+        let is_seen = Cell::new(false);
+        let see = |what: bool| is_seen.set(is_seen.get() || what);
+        sight.look(
+            &self.triangles,
+            from_eye,
             start,
-            from,
-            false,
-            &mut sight,
-            &mut |Tangent { node, length }| {
-                if length < best[node as usize].0 {
-                    best[node as usize].0 = length;
-                    heap.push(Entry { cost: length + (place(node) - goal).norm(), distance: length, node });
-                }
+            |p| {
+                see(to_eye == Eye::Corner(p));
+                let length = (self.triangles.points[p as usize] - start).norm();
+                let nodes = self.nodes_at(p, start, &self.triangles.points[p as usize]);
+                nodes.into_iter().flatten().for_each(|node| best[node as usize].distance = length);
             },
-            &mut |triangle, cone| {
+            |triangle, cone| {
                 let is_in =
                     |cone: Bounds| turn(start, &cone.right, goal) >= 0.0 && turn(start, &cone.left, goal) <= 0.0;
-                is_seen |= triangle == to && cone.is_none_or(is_in);
+                see(triangle == to && cone.is_none_or(is_in));
+                !is_seen.get()
             },
         );
-        if is_seen {
-            return PolygonRoute { points: vec![*start, *goal], length: (goal - start).norm() };
+        if is_seen.get() {
+            return Some(PolygonRoute { points: vec![*start, *goal], length: (goal - start).norm() });
         }
+        for (node, reached) in best.iter_mut().enumerate().filter(|(_, reached)| reached.distance.is_finite()) {
+            reached.to_goal = (place(node as u32) - goal).norm();
+            heap.push(Entry {
+                cost: reached.distance + reached.to_goal,
+                distance: reached.distance,
+                node: node as u32,
+            });
+        }
+        // What the goal sees.
+        let mut sees_goal: Vec<u32> = Vec::new();
+        let towards = |p: u32| self.nodes_at(p, &self.triangles.points[p as usize], goal).into_iter().flatten();
+        sight.look(&self.triangles, to_eye, goal, |p| sees_goal.extend(towards(p)), |_, _| true);
+        sees_goal.sort_unstable();
+        // No way over a node can be shorter than there and straight on.
         while let Some(Entry { distance, node, .. }) = heap.pop() {
             if node == the_goal {
                 break;
             }
-            if distance > best[node as usize].0 {
+            let here = best[node as usize];
+            if distance > here.distance {
                 continue;
             }
+            if sees_goal.binary_search(&node).is_ok() && distance + here.to_goal < best[nodes].distance {
+                best[nodes] = Reached { distance: distance + here.to_goal, to_goal: 0.0, before: node };
+                heap.push(Entry { cost: distance + here.to_goal, distance: distance + here.to_goal, node: the_goal });
+            }
             let tangents = self.starts[node as usize] as usize..self.starts[node as usize + 1] as usize;
-            let last = to_goal[node as usize];
-            let last = last.is_finite().then_some(Tangent { node: the_goal, length: last });
-            for tangent in self.tangents[tangents].iter().copied().chain(last) {
-                let reached = distance + tangent.length;
-                if reached < best[tangent.node as usize].0 {
-                    best[tangent.node as usize] = (reached, node);
-                    let cost = reached + (place(tangent.node) - goal).norm();
-                    heap.push(Entry { cost, distance: reached, node: tangent.node });
+            for tangent in &self.tangents[tangents] {
+                let (distance, there) = (distance + tangent.length, &mut best[tangent.node as usize]);
+                if distance >= there.distance {
+                    continue;
+                }
+                if there.to_goal.is_nan() {
+                    there.to_goal = (place(tangent.node) - goal).norm();
+                }
+                (there.distance, there.before) = (distance, node);
+                let cost = distance + there.to_goal;
+                if cost < best[nodes].distance {
+                    heap.push(Entry { cost, distance, node: tangent.node });
                 }
             }
         }
+        let mut node = best[nodes].before;
+        if node == NONE {
+            return None;
+        }
         let mut points = vec![*goal];
-        let mut node = best[the_goal as usize].1;
-        while node != u32::MAX {
+        while node != NONE {
             points.push(*place(node));
-            node = best[node as usize].1;
+            node = best[node as usize].before;
         }
         points.push(*start);
         points.reverse();
         points.dedup();
         let length = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
-        PolygonRoute { points, length }
+        Some(PolygonRoute { points, length })
     }
 
-    /// Calls `tangent` for every bend that is seen from `at` (in triangle `holding`) and that a rubber band to there, or from there if
-    /// `is_back`, would lie against; `triangle` hears what triangles are seen.
-    fn tangents_at(
-        &self,
-        at: &Point2<f64>,
-        holding: u32,
-        is_back: bool,
-        sight: &mut Sight,
-        tangent: &mut dyn FnMut(Tangent),
-        triangle: &mut dyn FnMut(u32, Option<Bounds>),
-    ) {
-        let corner =
-            self.triangles.corners[holding as usize].into_iter().find(|p| self.triangles.points[*p as usize] == *at);
-        let eye = corner.map_or(Eye::Inside(holding), Eye::Corner);
-        let mut seen = |p: u32| {
-            if self.is_bend[p as usize] {
-                let place = &self.triangles.points[p as usize];
-                let (from, to) = if is_back { (place, at) } else { (at, place) };
-                let length = (to - from).norm();
-                self.nodes_at(p, from, to).into_iter().flatten().for_each(|node| tangent(Tangent { node, length }));
-            }
-        };
-        sight.look(&self.triangles, eye, at, &mut seen, triangle);
+    /// Who looks from `at`, in a triangle that holds it.
+    fn eye(&self, at: &Point2<f64>, triangle: u32) -> Eye {
+        let corners = self.triangles.corners[triangle as usize];
+        let corner = corners.into_iter().find(|p| self.triangles.points[*p as usize] == *at);
+        corner.map_or(Eye::Inside(triangle), Eye::Corner)
     }
 
     /// The nodes of point `p` for who travels along a line: with its obstacle on the left (even), on the right (odd), on both sides
-    /// of a flat wall, or none if the line would cut it.
+    /// of a flat wall, or none if the line would cut it, or no way bends there.
     fn nodes_at(&self, p: u32, from: &Point2<f64>, to: &Point2<f64>) -> [Option<u32>; 2] {
+        if !self.is_bend[p as usize] {
+            return [None; 2];
+        }
         let [before, after] = self.neighbours[p as usize].map(|q| turn(from, to, &self.triangles.points[q as usize]));
         [(before >= 0.0 && after >= 0.0).then_some(2 * p), (before <= 0.0 && after <= 0.0).then_some(2 * p + 1)]
     }
@@ -291,8 +314,8 @@ impl PolygonMap {
         let points = &self.triangles.points;
         for u in (0..points.len() as u32).filter(|u| self.is_bend[*u as usize]) {
             let from = &points[u as usize];
-            let mut seen = |v: u32| {
-                if v <= u || !self.is_bend[v as usize] {
+            let seen = |v: u32| {
+                if v <= u {
                     return;
                 }
                 let to = &points[v as usize];
@@ -305,7 +328,7 @@ impl PolygonMap {
                     }
                 }
             };
-            sight.look(&self.triangles, Eye::Corner(u), from, &mut seen, &mut |_, _| {});
+            sight.look(&self.triangles, Eye::Corner(u), from, seen, |_, _| true);
         }
         pairs.sort_by_key(|(from, tangent)| (*from, tangent.node));
         self.starts = vec![0; 2 * points.len() + 1];

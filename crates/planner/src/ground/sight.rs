@@ -39,27 +39,30 @@ pub(crate) struct Sight {
 }
 
 impl Sight {
-    /// Calls `corner` for every point of the map that is seen from `at`, and `triangle` for every triangle that is entered, with
-    /// the bounds of the cone (`None` for where the eye is). Points are seen once from a place in general; if `at`
-    /// lies on a border perhaps twice.
+    /// Calls `corner` for every point of the map that is seen from `at`, and `triangle` for every triangle that is entered, with the
+    /// bounds of the cone (`None` for where the eye is); it says whether to look on. From a border a point may be seen twice.
     pub fn look(
         &mut self,
         map: &Triangles,
         eye: Eye,
         at: &Point2<f64>,
-        corner: &mut dyn FnMut(u32),
-        triangle: &mut dyn FnMut(u32, Option<Bounds>),
+        mut corner: impl FnMut(u32),
+        mut triangle: impl FnMut(u32, Option<Bounds>) -> bool,
     ) {
         self.waiting.clear();
         match eye {
             Eye::Inside(first) => {
-                triangle(first, None);
+                if !triangle(first, None) {
+                    return;
+                }
                 map.corners[first as usize].iter().for_each(|p| corner(*p));
                 (0..3).for_each(|side| self.cross(map, first, side, None));
             }
             Eye::Corner(p) => {
                 for (first, k) in map.fan(p) {
-                    triangle(first, None);
+                    if !triangle(first, None) {
+                        return;
+                    }
                     let corners = map.corners[first as usize];
                     corner(corners[(k + 1) % 3]);
                     // The other one belongs to the next triangle of the fan too, unless a wall comes first.
@@ -71,7 +74,9 @@ impl Sight {
             }
         }
         while let Some(Cone { triangle: entered, side, bounds }) = self.waiting.pop() {
-            triangle(entered, Some(bounds));
+            if !triangle(entered, Some(bounds)) {
+                return;
+            }
             let Bounds { right, left } = bounds;
             let apex = map.corners[entered as usize][(side + 2) % 3];
             let p = map.points[apex as usize];
