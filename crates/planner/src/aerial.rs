@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use crate::air::FlightState;
 use crate::air::config::{AirConfig, AirConfigError};
 use crate::air::corridor::polytope_around;
-use crate::air::corridor_flight::{CorridorError, CorridorFlight, fly_corridor};
+use crate::air::corridor_flight::{CorridorError, CorridorFlight, by_barrier};
 use crate::air::interior::InteriorSettings;
 use crate::air::limits::FlightLimits;
 use crate::air::movers::{Mover, Movers};
@@ -206,13 +206,7 @@ impl Way {
     fn fly(&self, start: &FlightState, config: &AirConfig) -> Result<CorridorFlight, CorridorError> {
         let zero = Vector3::zeros();
         let head = [start.p.coords, start.v, start.a];
-        fly_corridor(
-            &head,
-            &[self.end.coords, zero, zero],
-            &self.corridor,
-            &config.limits,
-            &InteriorSettings::default(),
-        )
+        by_barrier(&head, &[self.end.coords, zero, zero], &self.corridor, &config.limits, &InteriorSettings::default())
     }
 
     fn plan(self, flight: CorridorFlight, goal: &Point3<f64>) -> AirPlan {

@@ -108,6 +108,23 @@ pub fn fly_corridor(
     limits: &FlightLimits,
     settings: &InteriorSettings,
 ) -> Result<CorridorFlight, CorridorError> {
+    match by_barrier(start, goal, corridor, limits, settings) {
+        Err(CorridorError::NotProved { .. }) => super::hard::fly_corridor_hard(start, goal, corridor, limits),
+        other => other,
+    }
+}
+
+/// The barrier alone: no answer takes longer than its rounds, which is what counts in flight.
+///
+/// # Errors
+/// [`CorridorError`].
+pub(crate) fn by_barrier(
+    start: &BoundaryState,
+    goal: &BoundaryState,
+    corridor: &[Polytope],
+    limits: &FlightLimits,
+    settings: &InteriorSettings,
+) -> Result<CorridorFlight, CorridorError> {
     limits.validate()?;
     // 1. What cannot be flown is refused; a deep point of every overlap is where to begin.
     let joints = check(start, goal, corridor, limits)?;
@@ -117,6 +134,7 @@ pub fn fly_corridor(
     let mut tighten = FIRST_TIGHTEN;
     let mut settings = *settings;
     let mut steps = 0;
+    let mut missed = CorridorError::NotProved { limit: "any limit", excess: f64::NAN };
     for _ in 0..ROUNDS {
         // 2. The barrier.
         steps += optimise(&mut nodes, &faces, limits, tighten, &settings);
@@ -125,12 +143,13 @@ pub fn fly_corridor(
         if flight.proof.holds {
             return Ok(CorridorFlight { steps, ..flight });
         }
+        missed = shortfall(&flight.proof, limits);
         // 4. What lies beyond a limit between samples is taken off it, and the barrier set up again close by.
         tighten = tighten.after(&flight.proof.violation(limits), limits);
         settings.first_weight = 100.0 * settings.last_weight;
         settings.first_softness = 1e-3;
     }
-    super::hard::fly_corridor_hard(start, goal, corridor, limits)
+    Err(missed)
 }
 
 /// Room for rounding at faces and polynomial limits, and for what lies between the samples of the rotor limits.
