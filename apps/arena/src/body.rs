@@ -33,6 +33,8 @@ pub struct SimulatedBody {
     counter: TouchCounter,
     reported: usize,
     floor_z_m: f64,
+    hover_radps: f64,
+    has_power: bool,
 }
 
 enum Kind {
@@ -72,7 +74,12 @@ impl SimulatedBody {
                 Kind::Air(Box::new(quadrotor), Box::new(autopilot))
             }
         };
-        Ok(SimulatedBody { kind, contacts, counter: TouchCounter::new(RELEASE_S), reported: 0, floor_z_m })
+        let hover_radps = match robot.kind {
+            RobotKind::Ground => 1.0,
+            RobotKind::Aerial => quadrotor_config(robot).hover_speed_radps(),
+        };
+        let counter = TouchCounter::new(RELEASE_S);
+        Ok(SimulatedBody { kind, contacts, counter, reported: 0, floor_z_m, hover_radps, has_power: true })
     }
 
     /// Hears a new command.
@@ -106,7 +113,10 @@ impl SimulatedBody {
                 for step in 0..steps {
                     let state = quadrotor.state();
                     let seen = believed.estimate(&state, Stamp(now_ns + step * tick_ns / steps));
-                    let speeds = autopilot.rotor_speeds_radps(&seen);
+                    let mut speeds = autopilot.rotor_speeds_radps(&seen);
+                    if !self.has_power {
+                        speeds.fill(0.0);
+                    }
                     let dt_s = tick_ns as f64 * 1e-9 / steps as f64;
                     let contacts = quadrotor.step(dt_s, &speeds, Some(&mut self.contacts)).context("flying")?;
                     let floor_z_m = self.floor_z_m;
@@ -125,6 +135,19 @@ impl SimulatedBody {
         };
         self.counter.observe(&touched);
         Ok(())
+    }
+
+    /// The battery is empty: rotors stop.
+    pub fn cut_power(&mut self) {
+        self.has_power = false;
+    }
+
+    /// Power of the rotors as a share of what hovering takes: the cube of their speeds. Others have none.
+    pub fn power_share(&self) -> f64 {
+        let Kind::Air(quadrotor, _) = &self.kind else { return 0.0 };
+        let speeds = quadrotor.rotor_speeds_radps();
+        let share = |speed: &f64| (speed / self.hover_radps).powi(3);
+        speeds.iter().map(share).sum::<f64>() / speeds.len().max(1) as f64
     }
 
     /// Touches since the last call.

@@ -78,6 +78,10 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let stop = stop_at_ctrl_c()?;
     #[cfg(feature = "px4")]
     let mut vehicle = crate::px4_vehicle::Px4Vehicle::open(&options.px4, &robot, &start, &stop)?;
+    #[cfg(feature = "px4")]
+    if vehicle.is_some() {
+        config.mission.tracking_margin_m = crate::px4_vehicle::TRACKING_MARGIN_M;
+    }
     #[cfg(not(feature = "px4"))]
     let mut vehicle = None;
 

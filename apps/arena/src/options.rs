@@ -91,6 +91,11 @@ pub struct Options {
     #[command(flatten)]
     pub px4: Px4Options,
 
+    /// The simulated aircraft's battery lasts for so many seconds of hovering: it flies nowhere from where it could not come back, and
+    /// returns or lands in time. Without it: for ever
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
+    pub battery: Option<f64>,
+
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub max_time: f64,

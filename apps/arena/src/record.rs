@@ -204,8 +204,8 @@ impl Recorder<'_> {
                 self.topics.panorama(panorama)?;
                 self.masks(panorama, simulation)
             }
-            // A true pose in disguise: not for a bag.
-            SensorEvent::Odometry(_) => Ok(()),
+            // A true pose in disguise: not for a bag. Nobody has asked for batteries in one.
+            SensorEvent::Odometry(_) | SensorEvent::Battery(_) => Ok(()),
         }
     }
 

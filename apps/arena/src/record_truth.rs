@@ -161,6 +161,7 @@ fn answer(step: &StepTruth, building: &Building) -> Value {
                 ids.iter().filter_map(|id| building.object(*id)).map(|o| o.bounds.center().coords.into()).collect();
             json!({"reach": "object", "ids": ids, "centers_m": centers})
         }
+        StepTruth::Start => json!({"reach": "start"}),
         StepTruth::Room { ids } => {
             let names: Vec<&str> = ids.iter().map(|id| building.rooms[*id as usize].name.as_str()).collect();
             json!({"reach": "room", "ids": ids, "names": names})

@@ -16,6 +16,9 @@ pub const VIEW_DISTANCE_M: f64 = 1.0;
 /// Largest way between where the robot stands and a view point.
 pub const ARRIVAL_M: f64 = 0.5;
 
+/// Largest distance from where the robot set out at which it is back.
+pub const HOME_M: f64 = 1.0;
+
 /// What the referee must know of the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotTruth {
@@ -37,6 +40,8 @@ pub struct Referee<'a> {
     floor: TrueFloor,
     /// The same with everything from the floor up as an obstacle.
     ground: TrueFloor,
+    /// Where the robot set out.
+    start: Option<Point2<f64>>,
 }
 
 impl<'a> Referee<'a> {
@@ -44,7 +49,12 @@ impl<'a> Referee<'a> {
     pub fn new(building: &'a Building, world: &'a World, robot: RobotTruth, storey: u32) -> Self {
         let floor = TrueFloor::new(building, storey, robot.solid_m.0, robot.solid_m.1);
         let ground = TrueFloor::new(building, storey, 0.05, robot.solid_m.1);
-        Self { building, world, robot, floor, ground }
+        Self { building, world, robot, floor, ground, start: None }
+    }
+
+    /// The same for a run that begins here: without it nobody can be back at the start.
+    pub fn of_run_from(self, start: Point2<f64>) -> Self {
+        Self { start: Some(start), ..self }
     }
 
     /// The floor with its clearance.
@@ -124,6 +134,7 @@ impl<'a> Referee<'a> {
     pub fn is_done(&self, step: &StepTruth, truth_from_body: &Isometry3<f64>) -> bool {
         let at = Point2::from(truth_from_body.translation.vector.xy());
         match step {
+            StepTruth::Start => self.start.is_some_and(|start| (at - start).norm() <= HOME_M),
             StepTruth::Room { ids } => {
                 let probe = Point3::new(at.x, at.y, self.floor.floor_z_m + 0.5);
                 self.building.room_at(&probe).is_some_and(|room| ids.contains(&room.id))
@@ -195,6 +206,7 @@ impl<'a> Referee<'a> {
                 .filter_map(|id| self.building.object(*id))
                 .flat_map(|object| self.view_points(object))
                 .collect(),
+            StepTruth::Start => self.start.and_then(|start| self.nearest_free(&start)).into_iter().collect(),
             StepTruth::Room { ids } => (0..self.floor.len())
                 .filter(|cell| {
                     let at = self.floor.center_of(*cell);

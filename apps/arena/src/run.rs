@@ -14,6 +14,7 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
+use mission::planner::Battery;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
 use mission::robot_model::RobotModel;
@@ -63,13 +64,22 @@ impl RunConfig {
         let is_lidar_fixed = options.lidar == LidarMount::Fixed;
         RunConfig {
             max_time_s: options.max_time,
-            mission: MissionConfig { vision, ..MissionConfig::default() },
-            simulation: SimulationConfig { is_lidar_fixed, ..SimulationConfig::default() },
+            mission: MissionConfig { vision, battery: options.battery.map(battery), ..MissionConfig::default() },
+            simulation: SimulationConfig {
+                is_lidar_fixed,
+                battery_endurance_s: options.battery,
+                ..SimulationConfig::default()
+            },
             llm,
             segmenter: options.segmenter.as_deref().map(HttpSegmenterConfig::new),
             ..RunConfig::default()
         }
     }
+}
+
+/// What the robot is told of a battery that lasts so long: a sixth of it is kept, and the way back is flown slowly.
+pub fn battery(endurance_s: f64) -> Battery {
+    Battery { endurance_s, reserve: 1.0 / 6.0, cruise_mps: 0.6, landing_s: 8.0 }
 }
 
 impl RunConfig {
@@ -181,7 +191,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     } else {
         robot
     };
-    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0);
+    let start_at = Point2::from(start.translation.vector.xy());
+    let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, config.mission.flight_height_m), 0)
+        .of_run_from(start_at);
 
     // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
     // where in the building that is, nobody on the robot's side knows.
@@ -303,7 +315,6 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             (success, reason) = (false, format!("The flight ended early: {why:#}."));
         }
     }
-    let start_at = Point2::from(start.translation.vector.xy());
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {

@@ -11,7 +11,7 @@ use mission::rig::Rig;
 use mission::robot_model::RobotModel;
 use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
-use mission::stream::{Command, SensorEvent};
+use mission::stream::{BatteryState, Command, SensorEvent};
 use nalgebra::Isometry3;
 use omni_sim::encoder::{EncoderConfig, encoder_sample};
 use omni_sim::imu::{Imu, ImuConfig};
@@ -47,6 +47,8 @@ pub struct SimulationConfig {
     pub is_lidar_fixed: bool,
     /// Somebody else moves the body ([`Simulation::tell`]).
     pub is_towed: bool,
+    /// The battery of an aircraft, full at the start, lasts for so many seconds of hovering; none is never empty and never heard of.
+    pub battery_endurance_s: Option<f64>,
     /// Sensors from a rig file; the robot model must be fitted with them ([`Rig::fitted`]).
     pub rig: Option<Rig>,
 }
@@ -89,6 +91,8 @@ pub struct Segmentation {
     pub last_error: Option<String>,
 }
 
+/// The battery's gauge speaks so often.
+const BATTERY_NS: i64 = 500_000_000;
 /// Period of odometry, IMU and physics; the encoder has its own.
 const TICK_NS: i64 = 5_000_000;
 
@@ -108,6 +112,9 @@ pub struct Simulation<'a> {
     next_encoder_ns: i64,
     next_scan_ns: i64,
     next_panorama_ns: i64,
+    next_battery_ns: i64,
+    /// How full the battery is.
+    charge: f64,
     touches: Vec<Touch>,
     /// LiDAR points on each instance so far.
     points_on: BTreeMap<u32, u64>,
@@ -158,6 +165,8 @@ impl<'a> Simulation<'a> {
             now_ns: 0,
             steps: 0,
             next_encoder_ns: 0,
+            next_battery_ns: 0,
+            charge: 1.0,
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
@@ -302,6 +311,17 @@ impl<'a> Simulation<'a> {
                 id => self.scene.building.object(id).map_or_else(|| "thing".to_owned(), |o| o.class.clone()),
             };
             self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m: touch.point.coords.into() });
+        }
+        if let Some(endurance_s) = self.config.battery_endurance_s {
+            let drained = self.body.power_share() * TICK_NS as f64 * 1e-9 / endurance_s;
+            self.charge = (self.charge - drained).max(0.0);
+            if self.charge == 0.0 {
+                self.body.cut_power();
+            }
+            if self.next_battery_ns <= self.now_ns {
+                self.next_battery_ns = self.now_ns + BATTERY_NS;
+                events.push(SensorEvent::Battery(BatteryState { stamp: Stamp(self.now_ns), charge: self.charge }));
+            }
         }
         // A LiDAR without a motor has no encoder.
         while self.mount.rate_hz != 0.0 && self.next_encoder_ns <= self.now_ns {

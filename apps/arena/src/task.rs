@@ -26,6 +26,8 @@ pub enum StepTruth {
         /// True object ids.
         ids: Vec<u32>,
     },
+    /// Be where the robot set out.
+    Start,
     /// Be inside one of these rooms.
     Room {
         /// True room ids.
@@ -134,8 +136,33 @@ const COLORS: [&str; 14] = [
     "silver",
 ];
 
+/// The sentences that send a robot back, in the referee's own grammar: "return", "go back" or "come back", then nothing, or "to" and
+/// one of these.
+fn is_way_back(words: &[&str]) -> bool {
+    const PLACES: [&str; 9] = [
+        "start",
+        "the start",
+        "your start",
+        "the starting point",
+        "your starting point",
+        "where you started",
+        "the place where you started",
+        "where you came from",
+        "the beginning",
+    ];
+    let said = words.join(" ");
+    let said = said.strip_prefix("please ").unwrap_or(&said);
+    let ways = ["return", "go back", "come back", "fly back", "walk back"];
+    ways.iter()
+        .filter_map(|way| said.strip_prefix(way))
+        .any(|rest| rest.is_empty() || rest.strip_prefix(" to ").is_some_and(|place| PLACES.contains(&place)))
+}
+
 fn read_step(part: &str, building: &Building) -> Result<StepTruth, TaskError> {
     let words: Vec<&str> = part.split(|c: char| !c.is_alphanumeric() && c != '-').filter(|w| !w.is_empty()).collect();
+    if is_way_back(&words) {
+        return Ok(StepTruth::Start);
+    }
     let start = words.iter().position(|w| !VERBS.contains(w)).unwrap_or(words.len());
     let words = &words[start..];
     if words.iter().all(|w| ARTICLES.contains(w)) {

@@ -124,7 +124,7 @@ fn what_the_sensors_said_is_read_bit_for_bit_and_the_stators_points_are_the_roto
                         panorama.masks.clear(); // they lie beside the bag
                         SensorEvent::Panorama(panorama)
                     }
-                    SensorEvent::Odometry(_) => continue,
+                    SensorEvent::Odometry(_) | SensorEvent::Battery(_) => continue,
                 };
                 said.push(event);
             }

@@ -1,7 +1,7 @@
 //! From a verified action to a goal of the body, and what comes of it: arrived, failed, done.
 
 use dsg::{ObjectId, RoomId, SceneGraph};
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 use octant_prompt::{Action, Critique, CritiqueCode};
 use omni_perception::Stamp;
 
@@ -16,6 +16,8 @@ pub enum Target {
     None,
     /// An action that moves the body.
     Action(Action),
+    /// Where it set out.
+    Start,
 }
 
 impl Target {
@@ -23,6 +25,7 @@ impl Target {
     pub fn describe(&self, graph: &SceneGraph) -> String {
         match self {
             Target::None => "looking around".into(),
+            Target::Start => "going back to where it started".into(),
             Target::Action(Action::Explore(_)) => "exploring".into(),
             // What it goes to may have turned out to be something else, or nothing, on the way.
             Target::Action(Action::GoNear(id)) => match graph.object(*id) {
@@ -153,6 +156,11 @@ impl Mission {
                 None => return,
             },
         };
+        self.end_step(name, at, t_s);
+    }
+
+    /// The present step is done, at something: the next one, or the end.
+    pub(crate) fn end_step(&mut self, name: String, at: Point3<f64>, t_s: f64) {
         let step = self.step_index;
         let stamp = self.world.odometry.as_ref().map_or(self.start, |o| o.stamp);
         self.steps_done.push(StepDone { step, stamp });

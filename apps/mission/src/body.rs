@@ -1,12 +1,14 @@
 //! The two bodies behind one face: what the mind wants is the same, how it is done is not.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use planner::AirSpace;
 use robot_model::{RobotKind, RobotModel};
 
 use crate::config::MissionConfig;
 use crate::drive::{Drive, DriveConfig};
+use crate::emergency::Emergency;
 use crate::error::MissionError;
-use crate::fly::{AirSpace, Fly, Phase};
+use crate::fly::{Fly, Phase};
 use crate::goal::{Goal, GoalStatus};
 use crate::stage_clock::StageClock;
 use crate::stream::Command;
@@ -28,13 +30,12 @@ impl Body {
                 let drive = DriveConfig { period_s: config.control_period_s, max_attempts: config.max_attempts };
                 Body::Ground(Box::new(Drive::new(robot, drive)?))
             }
-            RobotKind::Aerial => Body::Air(Box::new(Fly::new(
-                robot,
-                floor_m + config.flight_height_m,
-                floor_m + robot.stance_height_m,
-                config.control_period_s,
-                config.max_attempts,
-            ))),
+            RobotKind::Aerial => {
+                let (flight_z_m, landed_z_m) = (floor_m + config.flight_height_m, floor_m + robot.stance_height_m);
+                let mut fly = Fly::new(robot, flight_z_m, landed_z_m, config.control_period_s, config.max_attempts);
+                fly.limit(config.tracking_margin_m, config.geofence.clone(), config.battery);
+                Body::Air(Box::new(fly))
+            }
         })
     }
 
@@ -47,9 +48,19 @@ impl Body {
     }
 
     /// Off the floor, if that is what this body does first.
-    pub fn begin(&mut self, world_from_body: &Isometry3<f64>) {
-        if let Body::Air(fly) = self {
-            fly.take_off(world_from_body);
+    ///
+    /// # Errors
+    /// Why it cannot, for people.
+    pub fn begin(&mut self, world: &WorldModel) -> Result<(), &'static str> {
+        let (Body::Air(fly), Some(odometry)) = (self, &world.odometry) else { return Ok(()) };
+        with_air(world, |air| fly.take_off(&odometry.world_from_body, air))
+    }
+
+    /// What the battery makes it do, whatever its goal was.
+    pub fn emergency(&self) -> Option<Emergency> {
+        match self {
+            Body::Ground(_) => None,
+            Body::Air(fly) => fly.emergency(),
         }
     }
 
@@ -128,13 +139,18 @@ impl Body {
         match self {
             Body::Ground(drive) => clock.time("route", || drive.replan(&world.navigation, &odometry.world_from_body)),
             Body::Air(fly) => clock.time("trajectory", || {
+                let fly_home = fly.home();
                 let here = Point2::from(odometry.world_from_body.translation.vector.xy());
-                let route = fly.route(&world.navigation, &here);
-                let air = AirSpace {
-                    distance: &|point: &Point3<f64>| world.field.distance(point),
-                    obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
+                let way_home_m = |from: &Point2<f64>| {
+                    let home = fly_home?;
+                    let way = world.navigation.route_toward(from, &home, 0.5)?;
+                    Some(way.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum())
                 };
-                fly.replan(route.as_deref(), &air);
+                if let Some(charge) = world.battery_charge {
+                    fly.set_charge(charge, way_home_m(&here));
+                }
+                let route = fly.route(&world.navigation, &here);
+                with_air(world, |air| fly.replan(route.as_deref(), air, &way_home_m));
             }),
         }
     }
@@ -152,4 +168,13 @@ impl Body {
             Body::Air(fly) => fly.command(world_from_body, distance_m),
         }
     }
+}
+
+/// The world as a planner asks about it. Nobody tracks what moves while it flies: what the last scans show is all.
+fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
+    ask(&AirSpace {
+        distance: &|point: &Point3<f64>| world.field.distance(point),
+        obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
+        movers: &[],
+    })
 }

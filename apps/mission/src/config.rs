@@ -2,6 +2,7 @@
 
 use octant_prompt::PromptConfig;
 use omni_perception::{EncoderTrack, LabelNames};
+use planner::{Battery, Geofence};
 use robot_model::RobotModel;
 use volumetric_map::VolumeConfig;
 
@@ -61,10 +62,17 @@ pub struct MissionConfig {
     pub max_retries: usize,
     /// Height at which the aerial robot flies, above the floor, default 1.2 m.
     pub flight_height_m: f64,
+    /// What an aerial robot's body may be off its set-point, beyond what its ball keeps from obstacles anyway, default 0.02 m: the
+    /// simulated one is off by less than one, and a door of a metre has two or three to spare.
+    pub tracking_margin_m: f64,
     /// Obstacles of the last scans are kept for this long, default 2.1 s: one turn of the LiDAR's motor shows all sides.
     pub obstacle_memory_s: f64,
     /// Tries to reach one goal before it counts as unreachable, default 3.
     pub max_attempts: u32,
+    /// Where an aerial robot may be, in the frame of its odometry, default anywhere.
+    pub geofence: Option<Geofence>,
+    /// Battery of an aerial robot, default none: it counts as full. The stream says how full it is.
+    pub battery: Option<Battery>,
     /// A vision-language model that is shown short relations (Eq. 7), default none: geometry judges them.
     pub vision: Option<VisionConfig>,
 }
@@ -92,8 +100,11 @@ impl Default for MissionConfig {
             stop_distance_m: 0.85,
             max_retries: 3,
             flight_height_m: 1.2,
+            tracking_margin_m: 0.02,
             obstacle_memory_s: 2.1,
             max_attempts: 3,
+            geofence: None,
+            battery: None,
             vision: None,
         }
     }
@@ -122,12 +133,16 @@ impl MissionConfig {
             ("decision_period_s", self.decision_period_s),
             ("close_look_s", self.close_look_s),
             ("label_delay_s", self.label_delay_s),
+            ("tracking_margin_m", self.tracking_margin_m),
         ];
         if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a positive number" });
         }
         if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
+        }
+        if let Some(battery) = &self.battery {
+            battery.validate()?;
         }
         self.vision.as_ref().map_or(Ok(()), VisionConfig::validate)
     }

@@ -27,7 +27,9 @@ impl Mission {
     /// One cycle at `now`: what the robot shall do until the next.
     pub fn cycle(&mut self, now: Stamp) -> Command {
         let t_s = self.seconds(now);
-        let Some(odometry) = self.world.odometry else { return self.body.idle() };
+        if self.world.odometry.is_none() {
+            return self.body.idle();
+        }
 
         // 1. Abstract: surface, distances, places, rooms, relations (III-B), twice a second.
         if t_s >= self.next_refresh_s {
@@ -48,16 +50,30 @@ impl Mission {
         }
         if t_s >= self.config.first_look_s && has_pose {
             self.find_itself(t_s);
-            let odometry = self.world.odometry.unwrap_or(odometry);
-            self.body.begin(&odometry.world_from_body);
+            if let Err(reason) = self.body.begin(&self.world)
+                && self.outcome.is_none()
+            {
+                self.finish(Outcome::GaveUp { reason: reason.into() });
+            }
         }
 
         // 3. Reason (III-C): an answer that is due is verified at the present graph and becomes the goal; a new question
         //    is asked when the last goal is done, has failed, or something that matters was seen. Nobody waits.
-        let can_think = has_pose && !self.is_lost() && self.body.is_ready() && t_s >= self.config.first_look_s;
+        let emergency = self.body.emergency();
+        if let Some(emergency) = emergency.filter(|_| self.body.is_down() && self.outcome.is_none()) {
+            self.finish(Outcome::GaveUp { reason: emergency.reason().into() });
+        }
+        let can_think = has_pose
+            && emergency.is_none()
+            && !self.is_lost()
+            && self.body.is_ready()
+            && t_s >= self.config.first_look_s;
         if self.outcome.is_none() && can_think {
+            self.remember_start();
             self.take_answer(t_s);
-            if self.outcome.is_none() && self.must_think(t_s) {
+            if self.outcome.is_none() && self.is_returning() {
+                self.return_to_start(t_s);
+            } else if self.outcome.is_none() && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }

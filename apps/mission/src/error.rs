@@ -24,6 +24,9 @@ pub enum MissionError {
     /// The robot's limits or footprint make no sense for driving.
     #[error("this robot cannot be driven: {0}")]
     Drive(#[from] planner::LocalPolicyError),
+    /// The battery's numbers make no sense.
+    #[error("the battery cannot be reckoned with: {0}")]
+    Battery(#[from] planner::BatteryError),
     /// The odometry's settings contradict each other.
     #[error("the odometry cannot be set up: {0}")]
     Odometry(#[from] omni_perception::LioConfigError),

@@ -9,6 +9,7 @@
 //! simulator: the truth cannot reach it, for it does not compile.
 
 pub mod acting;
+mod air_checks;
 pub mod alignment;
 pub mod approach;
 pub mod archive;
@@ -20,7 +21,9 @@ pub mod config;
 pub mod coverage;
 pub mod cycle;
 pub mod drive;
+pub mod emergency;
 pub mod error;
+pub mod flight_limits;
 pub mod fly;
 pub mod goal;
 pub mod graph_builder;
@@ -44,6 +47,7 @@ pub mod reasoning;
 pub mod recording;
 pub mod relation_question;
 pub mod relation_verifier;
+mod returning;
 pub mod rig;
 pub mod rooms;
 pub mod scan_queue;

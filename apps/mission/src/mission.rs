@@ -13,6 +13,7 @@ use crate::journal::Journal;
 use crate::localisation::Lost;
 use crate::odometer::Odometer;
 use crate::reasoning::{Mind, Pending};
+use crate::returning::WayHome;
 use crate::standstill::Standstill;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -75,6 +76,7 @@ pub struct Mission {
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
     pub(crate) step_index: usize,
+    pub(crate) way_home: WayHome,
     /// Whether the present goal is a pose before the object, or only on the way to it.
     pub(crate) stands_before_target: bool,
     /// Since when the robot stands before the thing it went to.
@@ -132,6 +134,7 @@ impl Mission {
             interest: Vec::new(),
             nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
             step_index: 0,
+            way_home: WayHome::default(),
             unsure: 0,
             stands_before_target: false,
             arrived_s: None,
@@ -206,6 +209,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {
                 "standing still: the odometry has lost its way".into()

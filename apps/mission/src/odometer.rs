@@ -136,7 +136,7 @@ impl Odometer {
             SensorEvent::Scan(scan) => self.queue.push(scan),
             // Two odometries would contradict each other.
             SensorEvent::Odometry(_) => return Vec::new(),
-            SensorEvent::Panorama(panorama) => passed.push(SensorEvent::Panorama(panorama)),
+            event @ (SensorEvent::Panorama(_) | SensorEvent::Battery(_)) => passed.push(event),
         }
         while let Some(scan) = self.queue.next_if(|scan| self.lio.is_ready_for(scan)) {
             match clock.time("odometry", || self.lio.push_scan(&scan)) {

@@ -76,7 +76,7 @@ impl OdometryRun {
                 self.scans += 1;
                 self.queue.push(scan);
             }
-            Ok(SensorEvent::Odometry(_) | SensorEvent::Panorama(_)) => return,
+            Ok(SensorEvent::Odometry(_) | SensorEvent::Panorama(_) | SensorEvent::Battery(_)) => return,
             Err(error) => {
                 // A scan that could not be read came all the same.
                 self.scans += usize::from(error.is_scan());

@@ -82,7 +82,7 @@ impl Mission {
     }
 
     /// How long the body has been standing although it is under way.
-    fn has_stood_s(&mut self, t_s: f64) -> f64 {
+    pub(crate) fn has_stood_s(&mut self, t_s: f64) -> f64 {
         let Some(odometry) = &self.world.odometry else { return 0.0 };
         let pose = &odometry.world_from_body;
         let yaw_rad = pose.rotation.euler_angles().2;

@@ -139,7 +139,7 @@ impl Mission {
             asked_from: self.asked_from,
             last_action: match &self.target {
                 Target::Action(action) => Some(action.clone()),
-                Target::None => None,
+                Target::None | Target::Start => None,
             },
             graph,
         })

@@ -21,6 +21,8 @@ pub enum SensorEvent {
     Scan(RawScan),
     /// A panoramic image with the masks that the segmenter found in it.
     Panorama(MaskedPanorama),
+    /// How full the battery is.
+    Battery(BatteryState),
 }
 
 impl SensorEvent {
@@ -35,8 +37,18 @@ impl SensorEvent {
                 Stamp(scan.start.0 + i64::from(last))
             }
             SensorEvent::Panorama(panorama) => panorama.stamp,
+            SensorEvent::Battery(battery) => battery.stamp,
         }
     }
+}
+
+/// What the battery's gauge says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BatteryState {
+    /// When.
+    pub stamp: Stamp,
+    /// 1 is full, 0 is empty.
+    pub charge: f64,
 }
 
 /// What the robot shall do until the next command (50 Hz). A robot that hears nothing for 0.2 s stops by itself.

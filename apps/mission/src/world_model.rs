@@ -103,6 +103,8 @@ pub struct WorldModel {
     frame: Frame,
     /// Newest odometry.
     pub odometry: Option<OdometryEstimate>,
+    /// How full the battery is (0 to 1), if anybody says so.
+    pub battery_charge: Option<f64>,
     /// Surface and free space.
     pub volume: Volume,
     /// Distances to obstacles.
@@ -171,6 +173,7 @@ impl WorldModel {
             builder: GraphBuilder::default(),
             frame: Frame::Waiting(Vec::new()),
             odometry: None,
+            battery_charge: None,
             volume: Volume::new(config.volume.clone())?,
             field: DistanceField::new(config.field_resolution_m, config.field_max_distance_m),
             places: PlaceGraph::new(PlaceConfig {
@@ -264,6 +267,11 @@ impl WorldModel {
             SensorEvent::Panorama(mut panorama) => {
                 self.config.label_names.apply(&mut panorama);
                 self.waiting.push_back(panorama);
+            }
+            SensorEvent::Battery(battery) => {
+                let is_share = (0.0..=1.0).contains(&battery.charge);
+                self.ignored.samples += u64::from(!is_share);
+                self.battery_charge = is_share.then_some(battery.charge).or(self.battery_charge);
             }
         }
         self.label_waiting(clock);

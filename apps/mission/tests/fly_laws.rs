@@ -1,7 +1,9 @@
 //! Laws of the flyer in a hall with a pillar: whatever it is told, and whenever, what it asks of the body is safe to do.
 
-use mission::fly::{AirSpace, Fly, Phase};
+use mission::emergency::Emergency;
+use mission::fly::{Fly, Phase};
 use mission::goal::{Goal, GoalStatus};
+use mission::planner::{AirSpace, Battery, Geofence, Mover};
 use mission::robot_model::RobotModel;
 use mission::stream::{Command, FlightSetPoint};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
@@ -12,6 +14,7 @@ const PILLAR: ([f64; 2], [f64; 2]) = ([3.8, 2.8], [4.2, 3.2]);
 const PERIOD_S: f64 = 0.02;
 const FLIGHT_Z_M: f64 = 1.2;
 const LANDED_Z_M: f64 = 0.2;
+const MARGIN_M: f64 = 0.02;
 
 /// Distance to the hall's surfaces; nobody has looked beyond them.
 fn distance_m(p: &Point3<f64>) -> Option<f64> {
@@ -64,6 +67,17 @@ struct Flight {
     nearest_m: f64,
     /// The longest step between two set-points.
     step_m: f64,
+    yaw_rad: f64,
+    /// The fastest turn between two set-points.
+    turn_radps: f64,
+    /// Who walks through the hall, from now on.
+    walker: Option<Mover>,
+    sees_walker: bool,
+    /// The shortest distance to him.
+    apart_m: f64,
+    /// Share of the battery that a second takes.
+    drain_per_s: f64,
+    charge: f64,
 }
 
 impl Flight {
@@ -73,9 +87,24 @@ impl Flight {
         let fly = Fly::new(&robot, FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
         let at = Point3::new(2.0, 2.0, LANDED_Z_M);
         let radius_m = robot.circumscribed_radius_m;
-        let mut flight = Flight { fly, radius_m, at, target: None, nearest_m: f64::INFINITY, step_m: 0.0 };
-        flight.fly.take_off(&Isometry3::translation(at.x, at.y, at.z));
-        flight.go(4.0);
+        let mut flight = Flight {
+            fly,
+            radius_m,
+            at,
+            target: None,
+            nearest_m: f64::INFINITY,
+            step_m: 0.0,
+            yaw_rad: 0.0,
+            turn_radps: 0.0,
+            walker: None,
+            sees_walker: true,
+            apart_m: f64::INFINITY,
+            drain_per_s: 0.0,
+            charge: 1.0,
+        };
+        let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &[] };
+        flight.fly.take_off(&Isometry3::translation(at.x, at.y, at.z), &air).unwrap();
+        flight.go(5.0);
         assert_eq!(flight.fly.phase(), Phase::Flying);
         flight
     }
@@ -87,11 +116,18 @@ impl Flight {
                 self.replan();
             }
             let pose = Isometry3::translation(self.at.x, self.at.y, self.at.z);
-            let Command::Flight(FlightSetPoint { position_in_world, .. }) =
+            let Command::Flight(FlightSetPoint { position_in_world, yaw_rad, .. }) =
                 self.fly.command(&pose, distance_m(&self.at))
             else {
                 panic!("a flyer gives set-points")
             };
+            self.turn_radps = self.turn_radps.max((yaw_rad - self.yaw_rad).sin().abs() / PERIOD_S);
+            self.yaw_rad = yaw_rad;
+            self.charge -= self.drain_per_s * PERIOD_S;
+            if let Some(walker) = &mut self.walker {
+                walker.position += walker.velocity_mps * PERIOD_S;
+                self.apart_m = self.apart_m.min((walker.position - position_in_world).norm() - walker.radius_m);
+            }
             self.step_m = self.step_m.max((position_in_world - self.at).norm());
             self.at = position_in_world;
             if self.fly.phase() == Phase::Flying {
@@ -111,9 +147,15 @@ impl Flight {
     }
 
     fn replan(&mut self) {
-        let route = self.target.map(|target| [self.at.xy(), target]);
-        let air = AirSpace { distance: &distance_m, obstacles: &obstacles };
-        self.fly.replan(route.as_ref().map(|route| &route[..]), &air);
+        let home = self.fly.home();
+        let way_home_m = |from: &Point2<f64>| home.map(|home| (from - home).norm());
+        self.fly.set_charge(self.charge, way_home_m(&self.at.xy()));
+        let is_returning = self.fly.emergency().is_some();
+        let target = if is_returning { home } else { self.target };
+        let route = target.map(|target| [self.at.xy(), target]);
+        let walker: Vec<Mover> = self.walker.filter(|_| self.sees_walker).into_iter().collect();
+        let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &walker };
+        self.fly.replan(route.as_ref().map(|route| &route[..]), &air, &way_home_m);
     }
 }
 
@@ -148,6 +190,7 @@ proptest! {
         prop_assert_eq!(flight.fly.phase(), Phase::Landed);
         prop_assert!(flight.nearest_m >= flight.radius_m, "{} m", flight.nearest_m);
         prop_assert!(flight.step_m <= 2.5 * PERIOD_S, "{} m in one period", flight.step_m);
+        prop_assert!(flight.turn_radps <= 0.6 + 1e-6, "it turned at {} rad/s", flight.turn_radps);
     }
 
     /// Every free place is reached, past the pillar if need be.
@@ -176,6 +219,19 @@ fn a_place_behind_the_wall_fails_after_a_look_from_half_way() {
 }
 
 #[test]
+fn told_to_turn_in_full_flight_it_turns() {
+    let mut flight = Flight::new();
+    flight.set_goal(Some(Point2::new(7.0, 2.0)));
+    flight.go(1.5);
+    flight.target = None;
+    flight.fly.set_goal(Goal::Turn { heading_rad: 2.5 });
+    flight.go(12.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
+    assert!((flight.yaw_rad - 2.5).abs() < 0.1, "it looks to {}", flight.yaw_rad);
+    assert!(flight.turn_radps <= 0.6 + 1e-6 && flight.nearest_m >= flight.radius_m);
+}
+
+#[test]
 fn it_lands_from_where_it_came_to_rest() {
     let mut flight = Flight::new();
     flight.set_goal(Some(Point2::new(7.0, 1.5)));
@@ -193,4 +249,147 @@ fn it_lands_from_where_it_came_to_rest() {
     }
     assert_eq!(flight.fly.phase(), Phase::Landed);
     assert!(moved.xy().norm() < 0.02 && moved.z > 0.5, "straight down: {moved}");
+}
+
+/// A battery that hovers for a minute and a half; the last tenth is not to be planned with.
+const BATTERY: Battery = Battery { endurance_s: 90.0, reserve: 0.1, cruise_mps: 1.0, landing_s: 5.0 };
+
+#[test]
+fn a_low_battery_brings_it_home_and_down_whatever_it_was_told() {
+    let mut flight = Flight::new();
+    let home = flight.at.xy();
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
+    flight.drain_per_s = 1.0 / BATTERY.endurance_s;
+    let mut places = [Point2::new(7.0, 1.5), Point2::new(7.0, 5.0), Point2::new(1.0, 5.0)].into_iter().cycle();
+    for _ in 0..20 {
+        // It has always something to do, and is never told to come back.
+        flight.set_goal(places.next());
+        flight.go(6.0);
+        if flight.fly.phase() == Phase::Landed {
+            break;
+        }
+    }
+    assert_eq!(flight.fly.phase(), Phase::Landed);
+    assert_eq!(flight.fly.emergency(), Some(Emergency::Returning));
+    assert!((flight.at.xy() - home).norm() < 0.5, "it landed at {}, its home is {home}", flight.at);
+    assert!(flight.charge > 0.0 && flight.charge < 0.5, "{} left", flight.charge);
+    assert!(flight.nearest_m >= flight.radius_m);
+}
+
+#[test]
+fn a_flight_from_which_the_battery_would_not_bring_it_back_is_refused() {
+    let mut flight = Flight::new();
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
+    // Twelve seconds above the reserve: enough for the way back from here, not for five metres there and back.
+    flight.charge = 0.1 + 12.0 / BATTERY.endurance_s;
+    flight.set_goal(Some(Point2::new(7.0, 2.0)));
+    flight.go(3.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Failed("the battery would not bring it back from there"));
+    assert!((flight.at.xy() - Point2::new(2.0, 2.0)).norm() < 0.1, "it stayed: {}", flight.at);
+    flight.set_goal(Some(Point2::new(3.0, 2.0)));
+    flight.go(5.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Arrived, "that is near enough");
+}
+
+#[test]
+fn with_no_charge_for_the_way_back_it_lands_where_it_is() {
+    let mut flight = Flight::new();
+    flight.fly.limit(MARGIN_M, None, Some(BATTERY));
+    flight.set_goal(Some(Point2::new(7.0, 2.0)));
+    flight.go(8.0);
+    flight.charge = 0.12;
+    flight.go(12.0);
+    assert_eq!((flight.fly.phase(), flight.fly.emergency()), (Phase::Landed, Some(Emergency::LandingHere)));
+    assert!((flight.at.xy() - Point2::new(7.0, 2.0)).norm() < 0.4, "{}", flight.at);
+}
+
+#[test]
+fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
+    let mut flight = Flight::new();
+    let corners = [[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]].map(|c| Point2::new(c[0], c[1]));
+    flight.fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    flight.set_goal(Some(Point2::new(7.0, 2.0)));
+    flight.go(6.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Failed("it would be outside the fence"));
+    assert!(flight.at.x <= 5.0 + 1e-6, "{}", flight.at);
+    flight.set_goal(Some(Point2::new(4.5, 4.5)));
+    flight.go(8.0);
+    assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
+    // Who stands outside does not take off.
+    let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
+    fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &[] };
+    let refused = fly.take_off(&Isometry3::translation(6.0, 3.0, LANDED_Z_M), &air);
+    assert_eq!(refused, Err("the place above it is outside the fence"));
+    assert_eq!(fly.phase(), Phase::Grounded);
+}
+
+#[test]
+fn who_walks_into_its_way_is_not_met() {
+    for (speed, meets_s) in [(0.7, 1.8), (0.8, 2.2), (0.6, 2.5)] {
+        let fly_past = |is_seen: bool| {
+            let mut flight = Flight::new();
+            // Across the way, when it would be there if it were alone.
+            flight.walker = Some(Mover {
+                position: Point3::new(4.6, 2.0 - speed * meets_s, 1.0),
+                velocity_mps: Vector3::new(0.0, speed, 0.0),
+                radius_m: 0.35,
+                growth_mps: 0.0,
+            });
+            flight.sees_walker = is_seen;
+            flight.set_goal(Some(Point2::new(7.0, 2.0)));
+            flight.go(12.0);
+            flight
+        };
+        let blind = fly_past(false);
+        assert!(blind.apart_m < blind.radius_m, "alone it would have met him: {} m", blind.apart_m);
+        let flight = fly_past(true);
+        assert!(flight.apart_m >= flight.radius_m, "he came {} m near", flight.apart_m);
+        assert_eq!(*flight.fly.status(), GoalStatus::Arrived, "it goes on when he has passed");
+        assert!(flight.nearest_m >= flight.radius_m);
+    }
+}
+
+#[test]
+fn it_does_not_take_off_under_something_and_lands_beside_what_is_below() {
+    // A table in the hall: nothing is known of it but its top.
+    let table = |p: &Point3<f64>| {
+        let beyond = |v: f64, low: f64, high: f64| (low - v).max(v - high).max(0.0);
+        let d = Vector3::new(beyond(p.x, 3.0, 4.2), beyond(p.y, 1.2, 2.0), beyond(p.z, 0.65, 0.75)).norm();
+        distance_m(p).map(|hall| hall.min(d))
+    };
+    let air = AirSpace { distance: &table, obstacles: &obstacles, movers: &[] };
+    let robot = RobotModel::builtin_quadrotor();
+    let new = || Fly::new(&robot, FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
+    let mut fly = new();
+    let refused = fly.take_off(&Isometry3::translation(3.6, 1.6, LANDED_Z_M), &air);
+    assert_eq!(refused, Err("there is no room to fly above where it stands"));
+    assert_eq!(fly.phase(), Phase::Grounded);
+
+    // Beside it, over it, and down: not onto the table.
+    let mut fly = new();
+    let mut at = Point3::new(2.0, 1.6, LANDED_Z_M);
+    fly.take_off(&Isometry3::translation(at.x, at.y, at.z), &air).unwrap();
+    let mut go = |fly: &mut Fly, seconds: f64, target: Option<Point2<f64>>| {
+        for step in 0..(seconds / PERIOD_S) as usize {
+            if step % 25 == 0 {
+                let route = target.map(|target| [at.xy(), target]);
+                fly.replan(route.as_ref().map(|route| &route[..]), &air, &|_| None);
+            }
+            let Command::Flight(point) = fly.command(&Isometry3::translation(at.x, at.y, at.z), None) else {
+                panic!("a flyer gives set-points")
+            };
+            at = point.position_in_world;
+        }
+        at
+    };
+    go(&mut fly, 5.0, None);
+    let over = Point2::new(3.6, 1.6);
+    fly.set_goal(Goal::Reach { target: over, tolerance_m: 0.3, heading_rad: None });
+    let above = go(&mut fly, 8.0, Some(over));
+    assert!((above.xy() - over).norm() < 0.3, "{above}");
+    fly.land();
+    let down = go(&mut fly, 12.0, None);
+    assert_eq!(fly.phase(), Phase::Landed);
+    assert!(table(&Point3::new(down.x, down.y, 0.7)).unwrap() > 0.25, "it came down at {down}");
 }

@@ -5,6 +5,7 @@
 
 mod coefficients;
 mod corridors;
+mod flown;
 mod forest;
 
 use std::path::PathBuf;
@@ -20,7 +21,11 @@ use cpu_time::ThreadTime;
 use serde_json::{Value, json};
 
 use self::corridors::{Corridors, Outcome, Settings};
+use self::flown::Flown;
 use self::forest::Forest;
+
+/// What the simulated aircraft is off its plan at most, with room.
+const TRACKING_MARGIN_M: f64 = 0.06;
 
 /// Largest file of problems that is read.
 const MAX_BYTES: u64 = 256 << 20;
@@ -51,6 +56,9 @@ pub struct PlanAirOptions {
     /// Plans each problem this often, for the times; the results are the same
     #[arg(long, default_value_t = 5, value_name = "N")]
     repeats: usize,
+    /// Flies each plan through its forest in the simulation, and says what it touched; plans keep a margin for what tracking is off
+    #[arg(long)]
+    fly: bool,
     /// Writes durations and coefficients of every flight, as JSON
     #[arg(long, value_name = "FILE")]
     coeffs: Option<PathBuf>,
@@ -72,6 +80,11 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
         "--hard is for corridors; {} holds forests",
         options.file.display()
     );
+    ensure!(
+        !(options.fly && matches!(file, Problems::Corridors(_))),
+        "--fly is for forests; {} holds corridors, among which nothing can be touched",
+        options.file.display()
+    );
     let limits = file.settings().limits(options.profile == Profile::Agile);
     let view = ProgressView::new(file.len() as u64, "{elapsed_precise} [{bar:30}] {pos}/{len}", options.quiet);
     let done = AtomicU64::new(0);
@@ -80,7 +93,7 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
         let mut outcome = None;
         for _ in 0..options.repeats {
             let start = ThreadTime::now();
-            let result = file.plan(k, &limits, options.hard);
+            let result = file.plan(k, &limits, options);
             runs.push(start.elapsed().as_secs_f64() * 1e3);
             outcome = Some(result);
         }
@@ -93,28 +106,49 @@ pub fn run(options: &PlanAirOptions) -> Result<ExitCode> {
                 start.elapsed().as_secs_f64() * 1e3
             })
             .collect();
-        (result, median(&mut runs), median(&mut proofs))
+        let flown = options.fly.then(|| file.fly(k, &result)).flatten();
+        (result, median(&mut runs), median(&mut proofs), flown)
     });
     view.finish();
     let solved = outcomes.iter().filter(|o| o.0.flight.is_ok()).count();
+    let clean = outcomes.iter().filter(|o| matches!(&o.3, Some(Ok(flown)) if flown.is_clean())).count();
     if let Some(path) = &options.coeffs {
         let text = serde_json::to_string(&coefficients::dump(outcomes.iter().map(|o| &o.0)))?;
         write_whole(path, |out| out.write_all(text.as_bytes()))?;
     }
-    let rows: Vec<Value> =
-        outcomes.iter().map(|(outcome, ms, proof_ms)| row(outcome, *ms, *proof_ms, &limits)).collect();
+    let rows: Vec<Value> = outcomes
+        .iter()
+        .map(|(outcome, ms, proof_ms, flown)| {
+            let mut row = row(outcome, *ms, *proof_ms, &limits);
+            if options.fly {
+                row["flown"] = match flown {
+                    Some(Ok(flown)) => flown.json(),
+                    Some(Err(error)) => json!({"clean": false, "error": format!("{error:#}")}),
+                    None => Value::Null,
+                };
+            }
+            row
+        })
+        .collect();
     if options.json {
-        let summary = json!({
+        let mut summary = json!({
             "profile": match options.profile { Profile::Nominal => "nominal", Profile::Agile => "agile" },
             "duration_floor_s": limits.min_duration_s,
             "solved": solved,
             "problems": rows,
         });
+        if options.fly {
+            summary["flown_clean"] = json!(clean);
+        }
         arena::say!("{summary}");
     } else {
         print_table(&rows, solved);
+        if options.fly {
+            arena::say!("{clean} of {} were flown without a contact and outside every grown voxel", rows.len());
+        }
     }
-    Ok(if solved == outcomes.len() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    let is_good = solved == outcomes.len() && (!options.fly || clean == outcomes.len());
+    Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Either kind of file.
@@ -155,11 +189,17 @@ impl Problems {
         }
     }
 
-    fn plan(&self, k: usize, limits: &FlightLimits, is_hard: bool) -> Outcome<'_> {
+    fn plan(&self, k: usize, limits: &FlightLimits, options: &PlanAirOptions) -> Outcome<'_> {
         match self {
-            Problems::Corridors(file) => file.plan(k, limits, is_hard),
-            Problems::Forest(file) => file.plan(k, limits),
+            Problems::Corridors(file) => file.plan(k, limits, options.hard),
+            Problems::Forest(file) => file.plan(k, limits, if options.fly { TRACKING_MARGIN_M } else { 0.0 }),
         }
+    }
+
+    /// Flies a plan; `None` where there is none.
+    fn fly(&self, k: usize, outcome: &Outcome) -> Option<Result<Flown>> {
+        let Problems::Forest(file) = self else { return None };
+        Some(file.fly(k, &outcome.flight.as_ref().ok()?.trajectory))
     }
 }
 
@@ -243,6 +283,16 @@ fn print_table(rows: &[Value], solved: usize) {
             number("cpu_ms"),
             row["iterations"]
         );
+        if let Some(flown) = row["flown"].as_object() {
+            let number = |key: &str| flown.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
+            arena::say!(
+                "  flown: {:.1} mm off the plan (RMSE), at most {:.1} mm, {:.3} m from the nearest box, {} samples in grown voxels",
+                1e3 * number("tracking_rmse_m"),
+                1e3 * number("tracking_max_m"),
+                number("clearance_m"),
+                number("samples_in_grown_voxels")
+            );
+        }
         if let Some(reason) = row["reason"].as_str() {
             arena::say!("  {reason}");
         }

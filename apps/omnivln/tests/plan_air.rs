@@ -159,6 +159,53 @@ fn a_forest_is_flown_through_by_the_whole_pipeline_the_same_at_any_number_of_thr
     assert!(code == Some(2) && err.contains("--hard is for corridors"), "{err}");
 }
 
+/// The plan is followed by the simulated aircraft; what cannot be planned is not flown. Slowed down by nobody, it stays out of
+/// everything grown.
+#[test]
+fn a_forest_is_flown_without_touching_anything() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("forest.json");
+    let problem = |id: &str, goal: [f64; 3]| {
+        json!({"id": id, "start": [-4.0, 0.0, 1.5], "goal": goal,
+               "boxes": [[-0.5, -3.0, 0.0, 0.5, 2.0, 3.0], [2.0, -1.0, 0.0, 2.5, 4.0, 3.0]]})
+    };
+    let mut forest = json!({
+        "meta": {"bounds": [-5.0, -5.0, 0.0, 5.0, 5.0, 3.0], "voxel": 0.25, "dilate_voxels": 2},
+        "problems": [problem("through", [4.0, 1.0, 1.5])],
+    });
+    let fly = |forest: &Value| {
+        fs::write(&file, forest.to_string()).unwrap();
+        let (code, out, err) = plan_air(&[file.to_str().unwrap(), "--json", "--repeats", "1", "--fly"]);
+        (code, serde_json::from_str::<Value>(&out).unwrap_or_else(|_| panic!("{err}")))
+    };
+    let number = |value: &Value| value.as_f64().unwrap();
+    let (code, result) = fly(&forest);
+    let flown = &result["problems"][0]["flown"];
+    assert_eq!((code, &result["flown_clean"], &flown["clean"]), (Some(0), &json!(1), &json!(true)), "{flown}");
+    assert_eq!(flown["samples_in_grown_voxels"], 0);
+    assert!(number(&flown["clearance_m"]) > 0.1 && number(&flown["tracking_max_m"]) < 0.05, "{flown}");
+    assert!(
+        number(&flown["tracking_rmse_m"]) > 0.0
+            && flown["tracking_rmse_m"].as_f64() <= flown["tracking_max_m"].as_f64()
+    );
+    // Nothing to fly: not clean, and said so by the exit code.
+    forest["problems"].as_array_mut().unwrap().push(problem("into a box", [0.0, 0.0, 1.0]));
+    let (code, result) = fly(&forest);
+    assert_eq!((code, &result["flown_clean"], &result["problems"][1]["flown"]), (Some(1), &json!(1), &Value::Null));
+}
+
+/// The shared forests: all of them, without a contact and outside every grown voxel.
+#[test]
+fn the_shared_forests_are_flown() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/aerial/forest_maps.json");
+    if !std::path::Path::new(path).exists() {
+        return println!("skipped: {path} is not here");
+    }
+    let (code, out, err) = plan_air(&[path, "--json", "--repeats", "1", "--fly", "--threads", "2"]);
+    let result: Value = serde_json::from_str(&out).unwrap_or_else(|_| panic!("{err}"));
+    assert_eq!((code, &result["flown_clean"]), (Some(0), &json!(16)));
+}
+
 #[test]
 fn bad_files_and_numbers_are_named() {
     let folder = tempfile::tempdir().unwrap();

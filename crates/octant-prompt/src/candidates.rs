@@ -84,6 +84,7 @@ pub fn candidates(situation: &Situation, config: &GroundingConfig) -> Candidates
     out.chosen = match step.kind {
         StepKind::FindObject => choose_object(situation, &out, config),
         StepKind::GoToRoom => choose_room(situation, &out, config),
+        StepKind::ReturnToStart => None,
     };
     out
 }

@@ -118,7 +118,7 @@ impl Critic {
             Action::GoNear(id) => self.check_approach(*id, action, situation),
             Action::Stop(Target::Room(id)) => {
                 if step.kind != StepKind::GoToRoom {
-                    return object(CritiqueCode::TargetMismatch, "This step ends at an object, not in a room.".into());
+                    return object(CritiqueCode::TargetMismatch, "This step does not end in a room.".into());
                 }
                 let known = candidates(situation, &self.grounding);
                 let chosen = known.chosen.is_some_and(|choice| choice.target == Target::Room(*id));
@@ -236,7 +236,7 @@ impl Critic {
             return Ok(());
         };
         if step.kind != StepKind::FindObject {
-            return object(CritiqueCode::TargetMismatch, "This step ends in a room, not at an object.".into());
+            return object(CritiqueCode::TargetMismatch, "This step does not end at an object.".into());
         }
         let known = candidates(situation, &self.grounding);
         let is_chosen = known.chosen.is_some_and(|choice| choice.target == Target::Object(id));

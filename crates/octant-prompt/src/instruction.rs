@@ -61,6 +61,9 @@ pub enum StepKind {
     FindObject,
     /// Be inside a room.
     GoToRoom,
+    /// Be back where the robot was when it began ("come back to where you started"); the goal names nothing. The body knows the
+    /// place, the graph does not: no reasoner is asked.
+    ReturnToStart,
 }
 
 /// A referring expression: which thing is meant.

@@ -262,7 +262,8 @@ const ROWS: &[(Mark, &str)] = &[
         me, bring, inspect, check, check on, look at, come to, travel to, proceed to, run to, choose, select, \
         pick, pick out, identify, point to, point at, i want, i need, we need, want, where is, where are, \
         wheres, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
-        return to, continue to, look, hunt for, seek, discover, spot, stop"),
+        return to, return, come back, come back to, go back, head back, head back to, fly back, fly back to, walk back, walk \
+        back to, drive back, drive back to, get back, get back to, continue to, look, hunt for, seek, discover, spot, stop"),
     (Mark::Enter, "enter, go into, go in, walk into, move into, drive into, fly into, step into, head into, go inside, get \
         into"),
     (Mark::When, "when, if, while, as, once, upon, assuming, when you are, if you are, if youre, when youre, if you were, \

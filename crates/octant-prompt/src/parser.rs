@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! instruction := step ((then | "and" before a verb | ".") step)*
-//! step        := view? verb? noun-phrase ("," view)?
+//! step        := view? verb? noun-phrase ("," view)? | "return to start" and its like ([`crate::home_phrase`])
 //! noun-phrase := (the | superlative | ordinal | adjective)* noun modifier*
 //! modifier    := relation noun-phrase ("and" noun-phrase)? | in room | on the 2nd floor | with noun-phrase (on top | on it)?
 //!              | not modifier | that is (modifier | adjective) | view
@@ -10,6 +10,7 @@
 //! A modifier belongs to the nearest noun ("the mug on the table near the window": the table is near the window) except after a comma
 //! or "and", where it belongs to the head. Any text is accepted: what no rule knows is skipped, unknown words are nouns ("unicorn").
 
+use crate::home_phrase::is_way_home;
 use crate::instruction::{
     Among, Floor, Instruction, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind, Superlative,
     View, ViewKind,
@@ -35,8 +36,9 @@ pub fn parse_instruction(text: &str) -> Instruction {
     let all = tokens(text, &|phrase| canonical(phrase).is_some());
     let mut steps = Vec::new();
     for clause in split_steps(&all) {
-        let mut parser = Parser::new(clause, &[]);
-        if let Some(step) = parser.step() {
+        if is_way_home(clause) {
+            steps.push(Step { kind: StepKind::ReturnToStart, goal: Referring::default() });
+        } else if let Some(step) = Parser::new(clause, &[]).step() {
             steps.push(step);
         }
         if steps.len() == MAX_STEPS {

@@ -57,6 +57,9 @@ impl SymbolicReasoner {
         let known = candidates(situation, &self.grounding);
         let action = match known.chosen {
             Some(choice) => approach(situation, &choice),
+            None if step.kind == StepKind::ReturnToStart => Action::GiveUp {
+                reason: "The way back to the start is the body's own: no map shows where it began.".into(),
+            },
             None => match known.places.first() {
                 Some(place) => Action::Explore(place.id),
                 None => Action::GiveUp { reason: reason_to_give_up(step, &known) },

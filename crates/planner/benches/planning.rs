@@ -5,7 +5,7 @@ mod support;
 
 use divan::Bencher;
 use nalgebra::{Point2, Point3};
-use planner::{AirConfig, FlightState, LocalPolicy, LocalPolicyConfig, VisibilityGraph, plan_air};
+use planner::{AirConfig, AirSpace, FlightState, LocalPolicy, LocalPolicyConfig, VisibilityGraph, plan_air};
 
 fn main() {
     divan::main();
@@ -61,7 +61,6 @@ fn flight_across_a_flat(bencher: Bencher) {
     let voxels = support::flat_3d(1.1, 2);
     let start = FlightState::resting_at(Point3::new(1.5, 1.5, 1.3));
     let config = AirConfig::default();
-    bencher.bench_local(|| {
-        plan_air(&start, &Point3::new(15.3, 8.4, 1.4), &|p| voxels.distance(p), &|a, b| voxels.obstacles(a, b), &config)
-    });
+    let space = AirSpace { distance: &|p| voxels.distance(p), obstacles: &|a, b| voxels.obstacles(a, b), movers: &[] };
+    bencher.bench_local(|| plan_air(&start, &Point3::new(15.3, 8.4, 1.4), &space, &config));
 }

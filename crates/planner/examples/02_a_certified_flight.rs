@@ -1,13 +1,13 @@
 //! A flight round a pillar that is proved before it is flown.
 //!
-//! The planner finds a route, cuts space into convex polytopes round it, fits a minimum-jerk spline through the overlaps,
-//! and then *proves* with Bernstein control points that the spline stays inside, below the speed and below the acceleration
+//! The planner finds a route, cuts space into convex polytopes round it, finds the best flight through them by Newton's method,
+//! and then *proves* with Bernstein control points that the flight stays inside, below the speed and below the acceleration
 //! limit, at every instant and not only at samples.
 //!
 //! Run: `cargo run -p planner --example 02_a_certified_flight`
 
 use nalgebra::{Point3, Vector3};
-use planner::{AirConfig, FlightState, plan_air};
+use planner::{AirConfig, AirSpace, FlightState, plan_air};
 
 fn main() {
     // 1. The world: a floor, a ceiling, a pillar of 10 cm voxels. The distance is to the nearest voxel centre.
@@ -50,7 +50,8 @@ fn main() {
     let start = FlightState { v: Vector3::new(0.5, 0.0, 0.0), ..FlightState::resting_at(Point3::new(0.0, 0.0, 1.2)) };
     let goal = Point3::new(6.0, 0.2, 1.4);
     let config = AirConfig::default();
-    let plan = plan_air(&start, &goal, &distance, &obstacles, &config).expect("there is room on both sides");
+    let space = AirSpace { distance: &distance, obstacles: &obstacles, movers: &[] };
+    let plan = plan_air(&start, &goal, &space, &config).expect("there is room on both sides");
     println!(
         "route of {} points after {} expansions, corridor of {} polytopes",
         plan.route.len(),
@@ -60,10 +61,10 @@ fn main() {
     println!("{} pieces, {:.2} s", plan.trajectory.pieces.len(), plan.trajectory.duration());
 
     // 3. The proof.
-    let c = &plan.certificate;
+    let c = &plan.proof;
     println!(
         "proved: speed <= {:.3} m/s, acceleration <= {:.3} m/s^2, {:.3} m from obstacle surfaces",
-        c.max_speed_mps, c.max_accel_mps2, c.clearance_m
+        c.max_speed_mps, c.max_accel_mps2, plan.clearance_m
     );
 
     // 4. And the samples, which can only agree.
@@ -74,6 +75,6 @@ fn main() {
         nearest = nearest.min(distance(&s.p).expect("in known space") - config.obstacle_radius_m);
     }
     println!("sampled: speed {fastest:.3} m/s, {nearest:.3} m");
-    assert!(c.holds && fastest <= c.max_speed_mps && nearest >= c.clearance_m - 0.09);
+    assert!(c.holds && fastest <= c.max_speed_mps && nearest >= plan.clearance_m - 0.09);
     assert!((plan.trajectory.sample(1e9).p - goal).norm() < 1e-6);
 }

@@ -1,18 +1,21 @@
 //! Parts of the aerial planner; [`crate::aerial`] puts them together.
 
-pub mod certificate;
+pub mod battery;
 pub mod config;
 pub mod controller;
 pub mod depth;
 pub mod diffeomorphism;
 pub mod ellipsoid;
 pub mod flatness;
+pub mod geofence;
 pub mod hard;
+pub mod heading;
 pub mod interior;
 pub mod lbfgs;
 pub mod limits;
 pub mod minco;
 pub mod mixer;
+pub mod movers;
 pub mod penalty;
 pub mod polytope;
 pub mod proof;
@@ -21,9 +24,11 @@ pub mod search;
 pub mod shape;
 pub mod stop;
 pub mod trajectory;
+pub mod vertical;
 pub mod vertices;
 pub mod voxel_flight;
 pub mod voxel_map;
+pub mod waypoints;
 
 pub(crate) mod barrier;
 pub(crate) mod bernstein;
@@ -35,8 +40,8 @@ pub(crate) mod hermite_program;
 pub(crate) mod node_form;
 pub(crate) mod obstacles;
 pub(crate) mod piece_cost;
-pub(crate) mod refine;
 pub(crate) mod route;
+pub(crate) mod swept;
 
 use nalgebra::{Point3, Vector3};
 

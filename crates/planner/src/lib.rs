@@ -2,8 +2,8 @@
 //! and velocity commands on the ground.
 //!
 //! ```text
-//! air     min over c, T of  sum_i integral |p_i^(3)(t)|^2 dt          MINCO: quintic pieces through the overlaps of a corridor
-//!         such that p_i(t) in P_k(i),  |p'| <= v_max,  |p''| <= a_max  for ALL t: proved, or no answer
+//! air     min over c, T of  sum_i integral |p_i^(3)(t)|^2 dt + rho sum_i T_i     quintic pieces through a corridor
+//!         such that p_i(t) in P_k(i), speed, acceleration, tilt, thrust, body rate within limits for ALL t: proved, or no answer
 //! ground  min length of a polyline with  dist(edge, blocked square) >= r  for every edge and every square
 //!         then (vx, vy, w) every 20 ms such that braking from it touches no point of the last scan
 //! ```
@@ -31,12 +31,13 @@
 //! ```
 //!
 //! # How it works
-//! - Air ([`plan_air`]): A* on 10 cm with unknown blocked ([`air::search`]), bends cut, one polytope per leg, [`Minco`] through the
-//!   overlaps (`MINCO Theorem 2`), Bernstein bounds ([`certify`]); too fast: slow down; outside: a point into the middle of the leg;
-//!   in the limit stop-and-go on straight legs. [`GeometricController`] and [`RotorMixer`] follow it; [`stop_trajectory`] ends it.
+//! - Air ([`plan_air`]): A* on 10 cm ([`air::search`]), bends cut, one polytope per leg, the corridor flight below; through the unknown
+//!   only the known part is flown. [`HeadingPlan`] says where to look, [`Movers`] what moves. [`GeometricController`] and
+//!   [`RotorMixer`] follow it; [`stop_trajectory`] ends it.
 //! - Corridor ([`fly_corridor`]): nodes and durations by a barrier ([`air::interior`]), proved with drag ([`prove`]); the same by
 //!   convex programs ([`fly_corridor_hard`]). Voxels ([`fly_voxels`]): A* ([`VoxelMap`]), regions of whole cubes
-//!   ([`air::region`]), corridor. Points in balls: MINCO with penalties by L-BFGS ([`air::shape`]).
+//!   ([`air::region`]), corridor. Waypoints ([`fly_waypoints`]): MINCO with penalties by L-BFGS
+//!   ([`air::shape`]), asked for less until the proof holds.
 //! - Ground ([`VisibilityGraph`], [`LocalPolicy`]): see [`ground`].
 //!
 //! # Conventions
@@ -45,8 +46,8 @@
 //! work are counts. Clearance is measured to the squares of blocked cells and to balls round obstacle points.
 //!
 //! # What it does not do
-//! It knows no scene graph, no rooms, no sensor. No moving obstacles (a scan is taken as it is), no dynamics of legs. [`plan_air`] shortens
-//! durations by a bounded search; [`fly_corridor`] finds a local optimum of effort and time, not a proved global one.
+//! It knows no scene graph, no rooms, no sensor. What moves is known only if the caller says
+//! so. No dynamics of legs. [`fly_corridor`] finds a local optimum of effort and time, not a proved global one.
 //!
 //! # Features
 //! `air`, `ground`: both on by default, neither needs the other.
@@ -69,26 +70,31 @@ pub mod air;
 pub mod ground;
 
 #[cfg(feature = "air")]
-pub use aerial::{AirPlan, AirPlanError, plan_air};
+pub use aerial::{AirPlan, AirPlanError, AirSpace, plan_air};
 #[cfg(feature = "air")]
 pub use air::{
     FlightState,
-    certificate::{Certificate, certify},
+    battery::{Battery, BatteryError},
     config::{AirConfig, AirConfigError},
     controller::{BodyState, GeometricController, ThrustTorque, slew_yaw},
     corridor_flight::{CorridorError, CorridorFlight, fly_corridor},
     flatness::{Airframe, FlatGradient, FlatOutput},
+    geofence::{Geofence, GeofenceError},
     hard::fly_corridor_hard,
+    heading::HeadingPlan,
     interior::InteriorSettings,
     limits::{BoundaryState, FlightLimits, LimitsError},
     minco::{Minco, MincoError, MincoGradient},
     mixer::{MixerError, RotorMixer},
+    movers::{Mover, Movers},
     polytope::{HalfSpace, Polytope},
-    proof::{FlightProof, Violation, prove},
+    proof::{FlightProof, Violation, prove, prove_among},
     stop::stop_trajectory,
     trajectory::{Piece, PolynomialTrajectory, TrajectoryPoint},
+    vertical::{TouchDown, VerticalFlight, fly_down, fly_up},
     voxel_flight::{VoxelFlight, VoxelFlightError, fly_voxels},
     voxel_map::{VoxelMap, VoxelMapError},
+    waypoints::{WaypointError, WaypointFlight, fly_waypoints},
 };
 #[cfg(feature = "ground")]
 pub use ground::{

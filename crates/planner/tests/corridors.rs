@@ -248,14 +248,14 @@ fn a_forest_is_crossed_outside_every_grown_voxel() {
         map.occupy_box(&Point3::new(x - r, y - r, 0.0), &Point3::new(x + r, y + r, h));
     }
     let grown = map.dilated(2);
-    let found = fly_voxels(&grown, &start, &goal, &limits(false), &InteriorSettings::default()).unwrap();
+    let found = fly_voxels(&grown, &start, &goal, 0.0, &limits(false), &InteriorSettings::default()).unwrap();
     let at_rest = |p: &Point3<f64>| [p.coords, Vector3::zeros(), Vector3::zeros()];
     check_by_samples(&found.flight, &found.corridor, &limits(false), [&at_rest(&start), &at_rest(&goal)]);
     let duration = found.flight.trajectory.duration();
     assert!((0..5000).all(|k| grown.is_free(&found.flight.trajectory.sample(duration * f64::from(k) / 5000.0).p)));
     assert!(found.route.len() > 2, "it had to turn");
     let fly = |start: &Point3<f64>, goal: &Point3<f64>| {
-        fly_voxels(&grown, start, goal, &limits(false), &InteriorSettings::default()).map(|_| ()).unwrap_err()
+        fly_voxels(&grown, start, goal, 0.0, &limits(false), &InteriorSettings::default()).map(|_| ()).unwrap_err()
     };
     assert_eq!(fly(&Point3::new(0.0, 0.0, 77.0), &goal), VoxelFlightError::StartBlocked);
     assert_eq!(fly(&start, &Point3::new(f64::NAN, 0.0, 1.0)), VoxelFlightError::GoalBlocked);

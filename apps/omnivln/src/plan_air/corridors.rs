@@ -138,19 +138,24 @@ impl Refusal {
 }
 
 impl Settings {
+    pub fn airframe(&self) -> Airframe {
+        let vehicle = &self.vehicle;
+        Airframe {
+            mass_kg: vehicle.mass,
+            gravity_mps2: vehicle.g,
+            drag_across: vehicle.drag_h,
+            drag_along: vehicle.drag_v,
+            drag_parasitic: vehicle.drag_parasitic,
+            speed_epsilon: vehicle.speed_eps,
+        }
+    }
+
     pub fn limits(&self, is_agile: bool) -> FlightLimits {
-        let Settings { limits, vehicle, weights } = self;
+        let Settings { limits, weights, .. } = self;
         FlightLimits {
             max_speed_mps: if is_agile { AGILE_SPEED_MPS } else { limits.v_max },
             max_accel_mps2: f64::INFINITY,
-            airframe: Some(Airframe {
-                mass_kg: vehicle.mass,
-                gravity_mps2: vehicle.g,
-                drag_across: vehicle.drag_h,
-                drag_along: vehicle.drag_v,
-                drag_parasitic: vehicle.drag_parasitic,
-                speed_epsilon: vehicle.speed_eps,
-            }),
+            airframe: Some(self.airframe()),
             max_tilt_rad: limits.tilt_max,
             max_rate_radps: limits.omega_max,
             min_thrust_n: limits.thrust_min,

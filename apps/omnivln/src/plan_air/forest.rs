@@ -3,11 +3,14 @@
 use std::borrow::Cow;
 
 use anyhow::{Context, Result, ensure};
-use arena::mission::planner::{FlightLimits, InteriorSettings, VoxelFlightError, VoxelMap, fly_voxels};
+use arena::mission::planner::{
+    FlightLimits, InteriorSettings, PolynomialTrajectory, VoxelFlightError, VoxelMap, VoxelMapError, fly_voxels,
+};
 use nalgebra::Point3;
 use serde::Deserialize;
 
 use super::corridors::{Outcome, Refusal, Settings};
+use super::flown::{Flown, fly};
 
 #[derive(Debug, Deserialize)]
 struct File {
@@ -61,24 +64,19 @@ impl Forest {
         &self.meta.settings
     }
 
-    /// Everything from the boxes on.
-    pub fn plan(&self, k: usize, limits: &FlightLimits) -> Outcome<'_> {
+    /// Everything from the boxes on. The flight keeps `margin_m` from grown voxels.
+    pub fn plan(&self, k: usize, limits: &FlightLimits, margin_m: f64) -> Outcome<'_> {
         let problem = &self.problems[k];
         let mut outcome = Outcome { id: &problem.id, corridor: Cow::Owned(Vec::new()), flight: Err(Refusal::none()) };
-        let map = match VoxelMap::free(&low(&self.meta.bounds), &high(&self.meta.bounds), self.meta.voxel) {
-            Ok(mut map) => {
-                for b in &problem.boxes {
-                    map.occupy_box(&low(b), &high(b));
-                }
-                map.dilated(self.meta.dilate_voxels)
-            }
+        let map = match self.map(problem) {
+            Ok(map) => map,
             Err(error) => {
                 outcome.flight = Err(Refusal { status: "bad_map", reason: error.to_string() });
                 return outcome;
             }
         };
         let (start, goal) = (Point3::from(problem.start), Point3::from(problem.goal));
-        match fly_voxels(&map, &start, &goal, limits, &InteriorSettings::default()) {
+        match fly_voxels(&map, &start, &goal, margin_m, limits, &InteriorSettings::default()) {
             Ok(found) => {
                 outcome.corridor = Cow::Owned(found.corridor);
                 outcome.flight = Ok(found.flight);
@@ -89,12 +87,31 @@ impl Forest {
                     VoxelFlightError::StartBlocked => "start_blocked",
                     VoxelFlightError::GoalBlocked => "goal_blocked",
                     VoxelFlightError::NoRoute => "no_route",
+                    VoxelFlightError::BadMargin { .. } => "bad_margin",
                     _ => "no_region",
                 };
                 outcome.flight = Err(Refusal { status, reason: error.to_string() });
             }
         }
         outcome
+    }
+
+    /// Flies a plan of problem `k` in the simulation.
+    pub fn fly(&self, k: usize, trajectory: &PolynomialTrajectory) -> Result<Flown> {
+        let problem = &self.problems[k];
+        let boxes: Vec<_> = problem.boxes.iter().map(|b| (low(b), high(b))).collect();
+        // What is grown is grown for the body; a voxel less, since a box may reach half a voxel beyond its own.
+        let radius_m = self.meta.dilate_voxels.saturating_sub(1) as f64 * self.meta.voxel;
+        fly(trajectory, &self.meta.settings.airframe(), &boxes, radius_m, &self.map(problem)?)
+    }
+
+    /// The voxels of a problem, grown.
+    fn map(&self, problem: &Problem) -> Result<VoxelMap, VoxelMapError> {
+        let mut map = VoxelMap::free(&low(&self.meta.bounds), &high(&self.meta.bounds), self.meta.voxel)?;
+        for b in &problem.boxes {
+            map.occupy_box(&low(b), &high(b));
+        }
+        Ok(map.dilated(self.meta.dilate_voxels))
     }
 }
 

@@ -1,12 +1,19 @@
 //! Limits and taste of the aerial planner.
 
+use super::geofence::Geofence;
+use super::limits::{FlightLimits, LimitsError};
+
 /// Configuration of [`crate::plan_air`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct AirConfig {
-    /// Speed limit, proved at every instant (1.5).
-    pub max_speed_mps: f64,
-    /// Acceleration limit, proved at every instant (2.0).
-    pub max_accel_mps2: f64,
+    /// Limits of the flight, proved at every instant (1.5 m/s, 2 m/s^2, no airframe; a second costs 100).
+    pub limits: FlightLimits,
+    /// Where the body's centre may be at all (none: anywhere).
+    pub geofence: Option<Geofence>,
+    /// At most so much of a route is flown by one plan; the rest is planned on the way (20).
+    pub horizon_m: f64,
+    /// What moves is believed to go on as it does for this long (3 s).
+    pub prediction_s: f64,
     /// Radius of a ball round the body's centre that holds the whole vehicle (0.36).
     pub radius_m: f64,
     /// Distance kept beyond the radius, for tracking error and map noise (0.03).
@@ -34,8 +41,20 @@ pub struct AirConfig {
 impl Default for AirConfig {
     fn default() -> Self {
         AirConfig {
-            max_speed_mps: 1.5,
-            max_accel_mps2: 2.0,
+            limits: FlightLimits {
+                max_speed_mps: 1.5,
+                max_accel_mps2: 2.0,
+                airframe: None,
+                max_tilt_rad: f64::INFINITY,
+                max_rate_radps: f64::INFINITY,
+                min_thrust_n: 0.0,
+                max_thrust_n: f64::INFINITY,
+                min_duration_s: 0.1,
+                time_weight: 100.0,
+            },
+            geofence: None,
+            horizon_m: 20.0,
+            prediction_s: 3.0,
             radius_m: 0.36,
             margin_m: 0.03,
             comfort_m: 0.25,
@@ -52,10 +71,13 @@ impl Default for AirConfig {
 }
 
 /// Why an [`AirConfig`] was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AirConfigError {
-    /// A limit, radius, resolution or reach is not finite or not positive.
-    #[error("limits, radius, comfort, resolution and reach must be finite and positive")]
+    /// The limits of the flight do not hold together.
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
+    /// A horizon, prediction, radius, resolution or reach is not finite or not positive.
+    #[error("horizon, prediction, radius, comfort, resolution and reach must be finite and positive")]
     NotPositive,
     /// A margin, weight or pull is not finite or negative.
     #[error("margin, weights, obstacle radius and goal pull must be finite and not negative")]
@@ -73,9 +95,10 @@ impl AirConfig {
     /// # Errors
     /// [`AirConfigError`].
     pub fn validate(&self) -> Result<(), AirConfigError> {
+        self.limits.validate()?;
         let positive = [
-            self.max_speed_mps,
-            self.max_accel_mps2,
+            self.horizon_m,
+            self.prediction_s,
             self.radius_m,
             self.comfort_m,
             self.search_resolution_m,

@@ -2,7 +2,7 @@
 //!
 //! Every obstacle that some face does not yet part from the leg gets the plane through its nearest point of the leg,
 //! nearest obstacle first. The plane is moved toward the leg by the distance the obstacle must keep, and further where
-//! there is room (the comfort), but never past the leg. So: no point of a polytope is nearer to an obstacle point than
+//! there is room (the comfort), but only by a share of it. So: no point of a polytope is nearer to an obstacle point than
 //! demanded, the whole leg is inside, and consecutive polytopes share at least the route point between them.
 
 use nalgebra::{Point3, Vector3};
@@ -10,12 +10,8 @@ use nalgebra::{Point3, Vector3};
 use super::obstacles::{Surroundings, nearest_on_segment};
 use super::polytope::{HalfSpace, Polytope};
 
-/// How much of the space to spare beside a leg is left to the trajectory before comfort takes any.
-const ROOM_M: f64 = 0.30;
-
-/// A joint this far from every face is deep enough; it is moved at most this far from the route.
-const DEEP_ENOUGH_M: f64 = 0.35;
-const MAX_SHIFT_M: f64 = 0.4;
+/// Share of the space to spare beside a leg that is left to the flight before comfort takes any.
+const ROOM: f64 = 0.5;
 
 /// The polytope round one leg, inside the box `[low, high]`. The leg must be clear.
 pub(crate) fn polytope_around(
@@ -48,7 +44,7 @@ pub(crate) fn polytope_around(
     }
     while let Some(o) = tightest(&open) {
         let normal = (o.at - o.nearest) / o.distance.max(1e-9);
-        let keep = (o.distance - ROOM_M).clamp(o.needed_m, o.liked_m.max(o.needed_m));
+        let keep = (o.distance - ROOM * o.spare).min(o.liked_m.max(o.needed_m));
         let face = HalfSpace { normal, offset_m: normal.dot(&o.at) - keep };
         polytope.faces.push(face);
         open.retain(|other| other.at != o.at && !is_parted(&face, &other.at, other.needed_m));
@@ -78,30 +74,4 @@ fn tightest(open: &[Binding]) -> Option<Binding> {
 /// Whether every point of the half-space keeps the demanded distance from an obstacle.
 fn is_parted(face: &HalfSpace, at: &Vector3<f64>, needed_m: f64) -> bool {
     face.normal.dot(at) - face.offset_m >= needed_m
-}
-
-/// A point deep inside two overlapping polytopes, not far from one they share.
-pub(crate) fn deep_point(a: &Polytope, b: &Polytope, shared: &Vector3<f64>) -> Vector3<f64> {
-    let tightest = |p: &Vector3<f64>| {
-        let slack = |f: &HalfSpace| f.offset_m - f.normal.dot(p);
-        let face = a.faces.iter().chain(&b.faces).copied().reduce(|x, y| if slack(&y) < slack(&x) { y } else { x });
-        face.map_or((f64::INFINITY, Vector3::zeros()), |f| (slack(&f), f.normal))
-    };
-    let mut p = *shared;
-    let mut best = (tightest(&p).0, p);
-    // Subgradient ascent of the distance to the nearest face, with steps that shrink: it climbs along edges, where
-    // coordinate moves are stuck.
-    let mut step = 0.12;
-    while step > 0.002 && best.0 < DEEP_ENOUGH_M {
-        for _ in 0..3 {
-            p -= tightest(&p).1 * step;
-            let slack = tightest(&p).0;
-            if slack > best.0 && (p - shared).norm() <= MAX_SHIFT_M {
-                best = (slack, p);
-            }
-        }
-        p = best.1;
-        step *= 0.8;
-    }
-    best.1
 }

@@ -108,6 +108,23 @@ pub fn fly_corridor(
     limits: &FlightLimits,
     settings: &InteriorSettings,
 ) -> Result<CorridorFlight, CorridorError> {
+    match by_barrier(start, goal, corridor, limits, settings) {
+        Err(CorridorError::NotProved { .. }) => super::hard::fly_corridor_hard(start, goal, corridor, limits),
+        other => other,
+    }
+}
+
+/// The barrier alone: no answer takes longer than its rounds, which is what counts in flight.
+///
+/// # Errors
+/// [`CorridorError`].
+pub(crate) fn by_barrier(
+    start: &BoundaryState,
+    goal: &BoundaryState,
+    corridor: &[Polytope],
+    limits: &FlightLimits,
+    settings: &InteriorSettings,
+) -> Result<CorridorFlight, CorridorError> {
     limits.validate()?;
     // 1. What cannot be flown is refused; a deep point of every overlap is where to begin.
     let joints = check(start, goal, corridor, limits)?;
@@ -117,6 +134,7 @@ pub fn fly_corridor(
     let mut tighten = FIRST_TIGHTEN;
     let mut settings = *settings;
     let mut steps = 0;
+    let mut missed = CorridorError::NotProved { limit: "any limit", excess: f64::NAN };
     for _ in 0..ROUNDS {
         // 2. The barrier.
         steps += optimise(&mut nodes, &faces, limits, tighten, &settings);
@@ -125,12 +143,13 @@ pub fn fly_corridor(
         if flight.proof.holds {
             return Ok(CorridorFlight { steps, ..flight });
         }
+        missed = shortfall(&flight.proof, limits);
         // 4. What lies beyond a limit between samples is taken off it, and the barrier set up again close by.
         tighten = tighten.after(&flight.proof.violation(limits), limits);
         settings.first_weight = 100.0 * settings.last_weight;
         settings.first_softness = 1e-3;
     }
-    super::hard::fly_corridor_hard(start, goal, corridor, limits)
+    Err(missed)
 }
 
 /// Room for rounding at faces and polynomial limits, and for what lies between the samples of the rotor limits.
@@ -197,9 +216,7 @@ pub(crate) fn check(
     if corridor.is_empty() {
         return Err(CorridorError::Empty);
     }
-    if start.iter().chain(goal).any(|v| v.iter().any(|x| !(x.is_finite() && x.abs() < 1e6))) {
-        return Err(CorridorError::NotFinite);
-    }
+    check_ends(start, goal, limits)?;
     for (polytope, p) in corridor.iter().enumerate() {
         let is_unit = |n: &Vector3<f64>| (n.norm_squared() - 1.0).abs() < 1e-6;
         if p.faces.len() < 4 || p.faces.iter().any(|f| !(is_unit(&f.normal) && f.offset_m.is_finite())) {
@@ -213,12 +230,6 @@ pub(crate) fn check(
     let outside_m = -corridor[corridor.len() - 1].slack(&goal[0]);
     if outside_m > 0.0 {
         return Err(CorridorError::GoalOutside { outside_m });
-    }
-    for (end, state) in [("start", start), ("goal", goal)] {
-        let (speed_mps, accel_mps2) = (state[1].norm(), state[2].norm());
-        if speed_mps > limits.max_speed_mps || accel_mps2 > limits.max_accel_mps2 {
-            return Err(CorridorError::TooFast { end, speed_mps, accel_mps2 });
-        }
     }
     let mut joints = Vec::with_capacity(corridor.len());
     let mut near = start[0];
@@ -237,6 +248,24 @@ pub(crate) fn check(
         joints.push(0.5 * (start[0] + goal[0]));
     }
     Ok(joints)
+}
+
+/// Refuses ends that are not finite, or move beyond the limits.
+pub(crate) fn check_ends(
+    start: &BoundaryState,
+    goal: &BoundaryState,
+    limits: &FlightLimits,
+) -> Result<(), CorridorError> {
+    if start.iter().chain(goal).any(|v| v.iter().any(|x| !(x.is_finite() && x.abs() < 1e6))) {
+        return Err(CorridorError::NotFinite);
+    }
+    for (end, state) in [("start", start), ("goal", goal)] {
+        let (speed_mps, accel_mps2) = (state[1].norm(), state[2].norm());
+        if speed_mps > limits.max_speed_mps || accel_mps2 > limits.max_accel_mps2 {
+            return Err(CorridorError::TooFast { end, speed_mps, accel_mps2 });
+        }
+    }
+    Ok(())
 }
 
 /// Straight through the joints at a part of the speed limit.

@@ -6,6 +6,8 @@ use super::config::AirConfig;
 use super::search::SearchGrid;
 
 const BUCKET_M: f64 = 0.5;
+/// Round every leg the corridor has at least this much room: consecutive polytopes have to overlap.
+pub(crate) const THINNEST_M: f64 = 0.004;
 
 /// A point that the body's centre must keep away from.
 #[derive(Debug, Clone, Copy)]
@@ -96,7 +98,7 @@ impl<'a> Surroundings<'a> {
         let (low, high) = (a.inf(b) - reach, a.sup(b) + reach);
         self.for_points(&low, &high, |p| {
             if (0..3).all(|axis| p[axis] >= low[axis] && p[axis] <= high[axis]) {
-                let needed_m = self.needed_m.min((p - self.start).norm() - 1e-6);
+                let needed_m = self.needed_m.min((p - self.start).norm() - THINNEST_M);
                 found.push(Obstacle { at: *p, needed_m, liked_m: self.needed_m + self.comfort_m });
             }
         });
@@ -104,7 +106,7 @@ impl<'a> Surroundings<'a> {
         let needed_m = 0.45 * self.resolution_m;
         let shrink = Vector3::repeat((self.needed_m - self.resolution_m).max(0.0));
         self.grid.for_unknown_border(&(low + shrink), &(high - shrink), |at| {
-            let needed_m = needed_m.min((at - self.start).norm() - 1e-6);
+            let needed_m = needed_m.min((at - self.start).norm() - THINNEST_M);
             found.push(Obstacle { at, needed_m, liked_m: needed_m + self.resolution_m });
             true
         });
@@ -113,12 +115,13 @@ impl<'a> Surroundings<'a> {
 
     /// Whether a straight flight keeps every demanded distance. Exact on the points.
     pub fn is_clear(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
-        let reach = Vector3::repeat(self.needed_m);
+        let reach = Vector3::repeat(self.needed_m + THINNEST_M);
         let (low, high) = (a.inf(b) - reach, a.sup(b) + reach);
         let mut clear = true;
         self.for_points(&low, &high, |p| {
             let d = (p - nearest_on_segment(a, b, p)).norm();
-            clear &= d >= self.needed_m || d >= self.needed_m.min((p - self.start).norm() - 1e-6);
+            let wanted = self.needed_m + THINNEST_M;
+            clear &= d >= wanted || d >= (p - self.start).norm() - 1e-6;
         });
         if !clear {
             return false;
@@ -140,9 +143,9 @@ impl<'a> Surroundings<'a> {
         }
         // The corridor needs a plane between the segment and every unknown cell.
         let reach = Vector3::repeat(self.resolution_m);
-        let needed_m = 0.45 * self.resolution_m;
+        let wanted = 0.45 * self.resolution_m + THINNEST_M;
         self.grid.for_unknown_border(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
-            (at - nearest_on_segment(a, b, &at)).norm() >= needed_m.min((at - self.start).norm() - 1e-6)
+            (at - nearest_on_segment(a, b, &at)).norm() >= wanted.min((at - self.start).norm() - 1e-6)
         })
     }
 
@@ -155,7 +158,7 @@ impl<'a> Surroundings<'a> {
         let least = |p: &Vector3<f64>| near.iter().map(|o| (o - p).norm()).fold(f64::INFINITY, f64::min);
         let mut best = (least(point), *point);
         let mut step = 0.5 * self.resolution_m;
-        while step > 0.004 && best.0 < wanted {
+        while step > 0.002 && best.0 < wanted {
             let mut improved = false;
             for axis in 0..3 {
                 for sign in [1.0, -1.0] {

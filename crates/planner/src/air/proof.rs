@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use super::bernstein::{QuinticPoints, ball, halves};
 use super::flatness::{Airframe, ThrustAxis};
 use super::limits::FlightLimits;
+use super::movers::Movers;
 use super::polytope::Polytope;
 use super::trajectory::{Piece, PolynomialTrajectory};
 
@@ -18,7 +19,7 @@ pub const PROOF_TOL: f64 = 1e-9;
 /// Leap allowed where pieces join: rounding of positions (m), velocities (m/s) and accelerations (m/s^2).
 const JOINT_TOL: f64 = 1e-6;
 /// Halvings of a piece before polynomial limits are called unproved.
-pub(crate) const POLYNOMIAL_DEPTH: u32 = 10;
+const POLYNOMIAL_DEPTH: u32 = 10;
 /// Halvings before limits of the rotors are: the bounds close in linearly.
 const ROTOR_DEPTH: u32 = 14;
 
@@ -29,6 +30,8 @@ pub struct FlightProof {
     pub holds: bool,
     /// Least distance to the faces of the piece's own polytope; negative outside.
     pub corridor_slack_m: f64,
+    /// Least distance to moving things beyond what is to be kept ([`Movers::slack_m`]); infinite where nothing moves.
+    pub mover_slack_m: f64,
     /// Greatest speed.
     pub max_speed_mps: f64,
     /// Greatest acceleration.
@@ -48,6 +51,8 @@ pub struct FlightProof {
 pub struct Violation {
     /// Outside the corridor (m).
     pub corridor_m: f64,
+    /// Too near to something that moves (m).
+    pub mover_m: f64,
     /// Beyond the speed limit.
     pub speed_mps: f64,
     /// Beyond the acceleration limit.
@@ -66,6 +71,7 @@ impl FlightProof {
         let beyond = |excess: f64| if excess > PROOF_TOL || excess.is_nan() { excess } else { 0.0 };
         Violation {
             corridor_m: beyond(-self.corridor_slack_m),
+            mover_m: beyond(-self.mover_slack_m),
             speed_mps: beyond(self.max_speed_mps - limits.max_speed_mps),
             accel_mps2: beyond(self.max_accel_mps2 - limits.max_accel_mps2),
             tilt_rad: beyond(self.max_tilt_rad - limits.max_tilt_rad),
@@ -73,6 +79,20 @@ impl FlightProof {
             rate_radps: beyond(self.max_rate_radps - limits.max_rate_radps),
         }
     }
+}
+
+/// [`prove`], and that the flight keeps away from what moves.
+pub fn prove_among(
+    trajectory: &PolynomialTrajectory,
+    corridor: &[Polytope],
+    polytope_of: &[usize],
+    limits: &FlightLimits,
+    movers: &Movers,
+) -> FlightProof {
+    let mut proof = prove(trajectory, corridor, polytope_of, limits);
+    proof.mover_slack_m = movers.slack_m(trajectory);
+    proof.holds &= proof.violation(limits).mover_m == 0.0;
+    proof
 }
 
 /// Checks each piece `i` against `corridor[polytope_of[i]]` and every limit, and that the pieces join without a leap of position,
@@ -90,6 +110,7 @@ pub fn prove(
             && trajectory.pieces.iter().all(|p| p.duration_s >= limits.min_duration_s)
             && trajectory.pieces.windows(2).all(|pair| joins(&pair[0], &pair[1])),
         corridor_slack_m: f64::INFINITY,
+        mover_slack_m: f64::INFINITY,
         max_speed_mps: 0.0,
         max_accel_mps2: 0.0,
         max_tilt_rad: 0.0,
@@ -133,7 +154,7 @@ fn joins(before: &Piece, after: &Piece) -> bool {
 
 /// An upper bound of a convex function over a Bernstein curve: its largest value on the points, halved while the bound is
 /// above the limit but the curve's own points are not.
-pub(crate) fn upper<const N: usize>(
+fn upper<const N: usize>(
     points: &[Vector3<f64>; N],
     limit: f64,
     depth: u32,

@@ -10,7 +10,7 @@ use crate::aerial::AirPlanError;
 /// A start that is not free may move this far to a free lattice point.
 const START_PULL_M: f64 = 0.6;
 
-/// A lattice route with the exact start in front and, if it is free, the exact goal at the end.
+/// A lattice route with the exact start in front and, if it is free, the exact goal at the end; and where it ends.
 pub(crate) fn lattice_route(
     start: &Point3<f64>,
     goal: &Point3<f64>,

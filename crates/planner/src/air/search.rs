@@ -12,7 +12,9 @@ use std::collections::BinaryHeap;
 use nalgebra::{Point3, Vector3};
 
 use super::config::AirConfig;
+use super::geofence::Geofence;
 use super::guide::{Entry, Guide};
+use super::obstacles::THINNEST_M;
 
 /// Most lattice points the search box may have; memory is touched only where the search goes.
 const MAX_NODES: usize = 6_000_000;
@@ -20,6 +22,10 @@ const MAX_NODES: usize = 6_000_000;
 const REACH_M: [f64; 3] = [8.0, 8.0, 1.6];
 /// Clearances are stored in steps of this many metres.
 const STEP_M: f64 = 0.001;
+/// In a gap of an even number of cells the lattice misses the middle by half a cell; the edges' own allowance comes on top.
+const LENIENCE: f64 = 0.6;
+/// What a metre through the unknown costs, where that is allowed.
+const UNKNOWN_PRICE: f64 = 4.0;
 const UNSET: u16 = 0;
 const UNKNOWN: u16 = 1;
 /// Stored clearance = (code - OFFSET) steps, for known points.
@@ -46,8 +52,11 @@ pub struct SearchGrid<'a> {
     clearance: RefCell<Vec<u16>>,
     obstacle_radius_m: f64,
     needed_m: f64,
-    /// What free may lack: 0, or half a cell once a strict search has failed.
+    /// What free may lack: 0, or [`LENIENCE`] cells once a strict search has failed.
     lenience_m: f64,
+    /// Whether unknown points count as free, at a price.
+    is_hopeful: bool,
+    geofence: Option<&'a Geofence>,
     /// Points that an exact check found blocked although the distance field allowed them.
     forbidden: Vec<usize>,
 }
@@ -58,7 +67,7 @@ impl<'a> SearchGrid<'a> {
         start: &Point3<f64>,
         goal: &Point3<f64>,
         distance: &'a dyn Fn(&Point3<f64>) -> Option<f64>,
-        config: &AirConfig,
+        config: &'a AirConfig,
     ) -> Self {
         let r = config.search_resolution_m;
         let mut share = 1.0;
@@ -85,6 +94,8 @@ impl<'a> SearchGrid<'a> {
                     obstacle_radius_m: config.obstacle_radius_m,
                     needed_m: (total * total + 0.25 * longest).sqrt() - config.obstacle_radius_m,
                     lenience_m: 0.0,
+                    is_hopeful: false,
+                    geofence: config.geofence.as_ref(),
                     forbidden: Vec::new(),
                 };
             }
@@ -195,16 +206,23 @@ impl<'a> SearchGrid<'a> {
 
     /// Whether the centre of the body may be at the lattice point.
     pub fn is_free(&self, node: usize) -> bool {
-        self.clearance(node).is_some_and(|c| c >= self.needed_m - self.lenience_m)
+        self.clearance(node).map_or(self.is_hopeful, |c| c >= self.needed_m - self.lenience_m)
+            && self.geofence.is_none_or(|fence| fence.slack_m(&self.position(node)) >= THINNEST_M)
             && (self.forbidden.is_empty() || self.forbidden.binary_search(&node).is_err())
     }
 
-    /// Lets free points lack half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
+    /// Lets free points lack a little more than half a cell of clearance: in a gap of an even number of cells the lattice misses the middle
     /// by that much. A route found so must be centred and checked exactly. Whether this changed anything.
     pub fn relax(&mut self) -> bool {
         let was_strict = self.lenience_m == 0.0;
-        self.lenience_m = 0.5 * self.resolution_m;
+        self.lenience_m = LENIENCE * self.resolution_m;
         was_strict
+    }
+
+    /// From now on unknown points are free, but dear: what a route would be if they were. Only its known part may be flown.
+    /// Whether this changed anything.
+    pub fn hope(&mut self) -> bool {
+        !std::mem::replace(&mut self.is_hopeful, true)
     }
 
     /// Takes the lattice points near a place out of the search.
@@ -244,8 +262,8 @@ impl<'a> SearchGrid<'a> {
 
     /// How much dearer a metre is here: near obstacles and off the preferred height.
     pub fn price(&self, node: usize, preferred_z: f64, config: &AirConfig) -> f64 {
-        let spare = self.clearance(node).unwrap_or(0.0) - config.clearance_m();
-        let near = (1.0 - spare / config.comfort_m).clamp(0.0, 1.0);
+        let Some(clearance) = self.clearance(node) else { return UNKNOWN_PRICE };
+        let near = (1.0 - (clearance - config.clearance_m()) / config.comfort_m).clamp(0.0, 1.0);
         let z = ((node / (self.size[0] * self.size[1])) as f64 + self.low[2] as f64 + 0.5) * self.resolution_m;
         1.0 + config.nearness_weight * near * near + config.height_weight * (z - preferred_z).abs()
     }

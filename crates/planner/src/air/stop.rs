@@ -2,32 +2,27 @@
 
 use nalgebra::Vector3;
 
-use super::bernstein::QuinticPoints;
+use super::limits::FlightLimits;
 use super::minco::Minco;
+use super::polytope::Polytope;
+use super::proof::prove;
 use super::trajectory::{Piece, PolynomialTrajectory};
 
-/// The smooth way to rest: the end point is free, so the vehicle stops where it stops. The duration is the shortest
-/// of a fixed ladder whose acceleration stays within `max_accel_mps2` (a start that is beyond it already is brought
-/// back as gently as the ladder allows).
-pub fn stop_trajectory(start: &super::FlightState, max_accel_mps2: f64) -> PolynomialTrajectory {
-    PolynomialTrajectory { pieces: vec![stop_piece(&[start.p.coords, start.v, start.a], max_accel_mps2)] }
-}
-
-/// One piece from a state to rest.
-pub(crate) fn stop_piece(head: &[Vector3<f64>; 3], max_accel_mps2: f64) -> Piece {
-    let limit = max_accel_mps2.max(1e-3);
-    let mut duration_s = (head[1].norm() / limit).max(0.2);
-    let mut piece = piece_of(head, duration_s);
+/// The smooth way to rest: the end point is free, so the vehicle stops where it stops. The duration is the shortest of a fixed
+/// ladder for which every limit is proved; of a start that is beyond a limit already, the gentlest of the ladder.
+pub fn stop_trajectory(start: &super::FlightState, limits: &FlightLimits) -> PolynomialTrajectory {
+    let head = [start.p.coords, start.v, start.a];
+    let anywhere = [Polytope::default()];
+    let mut duration_s = (head[1].norm() / limits.max_accel_mps2.max(1e-3)).max(0.2).max(limits.min_duration_s);
+    let mut stop = PolynomialTrajectory::default();
     for _ in 0..24 {
-        // The first Bernstein point is the start's own acceleration.
-        let points = QuinticPoints::new(&piece.coefficients, duration_s);
-        if points.is_some_and(|points| points.acceleration[1..].iter().all(|a| a.norm() <= limit)) {
+        stop.pieces = vec![piece_of(&head, duration_s)];
+        if prove(&stop, &anywhere, &[0], limits).holds {
             break;
         }
         duration_s *= 1.12;
-        piece = piece_of(head, duration_s);
     }
-    piece
+    stop
 }
 
 fn piece_of(head: &[Vector3<f64>; 3], t: f64) -> Piece {
@@ -44,6 +39,7 @@ fn piece_of(head: &[Vector3<f64>; 3], t: f64) -> Piece {
 #[cfg(test)]
 mod tests {
     use super::super::FlightState;
+    use super::super::config::AirConfig;
     use super::*;
     use nalgebra::Point3;
 
@@ -51,10 +47,10 @@ mod tests {
     fn comes_to_rest_within_the_limit() {
         let start = FlightState {
             p: Point3::new(1.0, 2.0, 3.0),
-            v: Vector3::new(1.5, -0.5, 0.2),
+            v: Vector3::new(1.3, -0.5, 0.2),
             a: Vector3::new(0.0, 1.0, 0.0),
         };
-        let stop = stop_trajectory(&start, 2.0);
+        let stop = stop_trajectory(&start, &AirConfig::default().limits);
         let end = stop.pieces[0].sample(stop.duration());
         assert!(end.v.norm() < 1e-9 && end.a.norm() < 1e-9);
         for k in 0..=200 {

@@ -50,6 +50,23 @@ impl PolynomialTrajectory {
         self.pieces.iter().map(|p| p.duration_s).sum()
     }
 
+    /// What is left of it from a time on, as a trajectory that starts at time 0; empty at the end.
+    pub fn rest_from(&self, t_s: f64) -> PolynomialTrajectory {
+        let mut t = if t_s.is_finite() { t_s.max(0.0) } else { 0.0 };
+        let mut pieces = self.pieces.iter();
+        for piece in pieces.by_ref() {
+            if t < piece.duration_s {
+                // Taylor's formula: the same polynomial from another origin.
+                let coefficient = |k: usize| derivative(&piece.coefficients, k, t) / factorial(k);
+                let coefficients = (0..piece.coefficients.len()).map(coefficient).collect();
+                let first = Piece { duration_s: piece.duration_s - t, coefficients };
+                return PolynomialTrajectory { pieces: std::iter::once(first).chain(pieces.cloned()).collect() };
+            }
+            t -= piece.duration_s;
+        }
+        PolynomialTrajectory::default()
+    }
+
     /// State at a time, clamped to the trajectory: before it the first state, after it the last position at rest.
     /// An empty trajectory is at the origin.
     pub fn sample(&self, t_s: f64) -> TrajectoryPoint {
@@ -73,6 +90,10 @@ impl Piece {
     }
 }
 
+fn factorial(k: usize) -> f64 {
+    (1..=k).map(|i| i as f64).product()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,6 +101,20 @@ mod tests {
     fn piece() -> Piece {
         let c = |k: usize| Vector3::new(k as f64 - 2.0, 0.5 * k as f64, -(k as f64) * 0.3);
         Piece { duration_s: 1.7, coefficients: (0..6).map(c).collect() }
+    }
+
+    #[test]
+    fn the_rest_is_the_same_motion_later() {
+        let whole = PolynomialTrajectory { pieces: vec![piece(), piece()] };
+        for from in [0.0, 0.6, 1.7, 2.9] {
+            let rest = whole.rest_from(from);
+            assert!((rest.duration() - (3.4 - from)).abs() < 1e-12);
+            for t in [0.01, 0.3] {
+                let (a, b) = (rest.sample(t), whole.sample(from + t));
+                assert!((a.p - b.p).norm() + (a.v - b.v).norm() + (a.jerk - b.jerk).norm() < 1e-9);
+            }
+        }
+        assert!(whole.rest_from(3.5).pieces.is_empty());
     }
 
     #[test]

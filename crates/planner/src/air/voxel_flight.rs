@@ -33,6 +33,14 @@ pub struct VoxelFlight {
 /// Why there is none.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum VoxelFlightError {
+    /// The margin is negative, or not less than half a voxel.
+    #[error("the margin must be at least 0 and less than {most_m} m, half a voxel, not {margin_m} m")]
+    BadMargin {
+        /// What it was.
+        margin_m: f64,
+        /// Half a voxel.
+        most_m: f64,
+    },
     /// The start is not in a free voxel.
     #[error("the start is not in a free voxel")]
     StartBlocked,
@@ -53,7 +61,8 @@ pub enum VoxelFlightError {
     Corridor(#[from] CorridorError),
 }
 
-/// Plans from rest to rest through the free voxels of a map (which has been grown by the size of the vehicle).
+/// Plans from rest to rest through the free voxels of a map (which has been grown by the size of the vehicle). The flight keeps
+/// `margin_m` from every occupied voxel: what whoever follows it may be off by; less than half a voxel, and 0 is allowed.
 ///
 /// # Errors
 /// [`VoxelFlightError`].
@@ -61,24 +70,28 @@ pub fn fly_voxels(
     map: &VoxelMap,
     start: &Point3<f64>,
     goal: &Point3<f64>,
+    margin_m: f64,
     limits: &FlightLimits,
     settings: &InteriorSettings,
 ) -> Result<VoxelFlight, VoxelFlightError> {
+    if !(0.0..0.5 * map.voxel_m()).contains(&margin_m) {
+        return Err(VoxelFlightError::BadMargin { margin_m, most_m: 0.5 * map.voxel_m() });
+    }
     if !map.is_free(start) {
         return Err(VoxelFlightError::StartBlocked);
     }
     if !map.is_free(goal) {
         return Err(VoxelFlightError::GoalBlocked);
     }
-    let route = map.route(start, goal, MARGIN * map.voxel_m()).ok_or(VoxelFlightError::NoRoute)?;
-    let corridor = shortcut(cover(map, &route)?, &start.coords, &goal.coords);
+    let route = map.route(start, goal, margin_m + MARGIN * map.voxel_m()).ok_or(VoxelFlightError::NoRoute)?;
+    let corridor = shortcut(cover(map, &route, margin_m)?, &start.coords, &goal.coords);
     let at_rest = |p: &Point3<f64>| [p.coords, Vector3::zeros(), Vector3::zeros()];
     let flight = fly_corridor(&at_rest(start), &at_rest(goal), &corridor, limits, settings)?;
     Ok(VoxelFlight { route, corridor, flight })
 }
 
 /// One region for each part of the route.
-fn cover(map: &VoxelMap, route: &[Point3<f64>]) -> Result<Vec<Polytope>, VoxelFlightError> {
+fn cover(map: &VoxelMap, route: &[Point3<f64>], margin_m: f64) -> Result<Vec<Polytope>, VoxelFlightError> {
     let (low, high) = map.bounds();
     let mut corridor = Vec::new();
     for leg in route.windows(2) {
@@ -87,11 +100,14 @@ fn cover(map: &VoxelMap, route: &[Point3<f64>]) -> Result<Vec<Polytope>, VoxelFl
             let at = |k: usize| (leg[0] + (leg[1] - leg[0]) * (k as f64 / parts as f64)).coords;
             let (a, b) = (at(k), at(k + 1));
             let reach = Vector3::repeat(REACH_M);
-            let (from, to) = ((a.inf(&b) - reach).sup(&low.coords), (a.sup(&b) + reach).inf(&high.coords));
+            let wider = Vector3::repeat(margin_m);
+            // Outside the map everything is occupied; start and goal may be nearer to it than the margin.
+            let from = (a.inf(&b) - reach).sup(&(low.coords + wider)).inf(&a.inf(&b));
+            let to = (a.sup(&b) + reach).inf(&(high.coords - wider)).sup(&a.sup(&b));
             let around = Polytope::from_box(&Point3::from(from), &Point3::from(to));
-            let voxels = map.surface_in_box(&from, &to);
+            let voxels = map.surface_in_box(&(from - wider), &(to + wider));
             let least_m = 0.1 * MARGIN * map.voxel_m();
-            let found = region(&a, &b, &around, &voxels, map.voxel_m(), least_m)
+            let found = region(&a, &b, &around, &voxels, map.voxel_m() + 2.0 * margin_m, least_m)
                 .ok_or(VoxelFlightError::NoRegion { part: corridor.len() })?;
             corridor.push(found);
         }
