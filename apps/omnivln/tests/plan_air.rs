@@ -183,7 +183,7 @@ fn a_forest_is_flown_without_touching_anything() {
     let flown = &result["problems"][0]["flown"];
     assert_eq!((code, &result["flown_clean"], &flown["clean"]), (Some(0), &json!(1), &json!(true)), "{flown}");
     assert_eq!(flown["samples_in_grown_voxels"], 0);
-    assert!(number(&flown["clearance_m"]) > 0.1 && number(&flown["tracking_max_m"]) < 0.05, "{flown}");
+    assert!(number(&flown["clearance_m"]) > 0.1 && number(&flown["tracking_max_m"]) < 0.08, "{flown}");
     assert!(
         number(&flown["tracking_rmse_m"]) > 0.0
             && flown["tracking_rmse_m"].as_f64() <= flown["tracking_max_m"].as_f64()
