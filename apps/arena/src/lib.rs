@@ -36,6 +36,7 @@ pub mod surround;
 pub mod survey;
 pub mod task;
 pub mod tour;
+pub mod toured_scene;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;
