@@ -92,6 +92,11 @@ pub fn bench_map(
     Ok(BenchMap { robot: word(kind).to_owned(), seed, scenes, pooled })
 }
 
+fn draw_scene(seed: u64, index: usize, robot: &RobotModel, config: &RunConfig) -> Result<TouredScene> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (0x004D_6170 + index as u64));
+    TouredScene::draw(&mut rng, robot, config, &|seed| Scene::drawn(seed, robot))
+}
+
 fn one_scene(
     robot: &RobotModel,
     seed: u64,
@@ -102,9 +107,7 @@ fn one_scene(
 ) -> Result<SceneScore> {
     // Refused before the robot has moved.
     let folder = folder.map(|folder| RunFolder::marked(folder, MARK, "folder of a survey")).transpose()?;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (0x004D_6170 + index as u64));
-    let TouredScene { scene, start, tour, run_seed } =
-        TouredScene::draw(&mut rng, robot, config, &|seed| Scene::drawn(seed, robot))?;
+    let TouredScene { scene, start, tour, run_seed } = draw_scene(seed, index, robot, config)?;
     let building = &scene.building;
     let radius_m = robot.circumscribed_radius_m;
     let floor_z_m = start.translation.vector.z - robot.stance_height_m;
@@ -196,8 +199,8 @@ mod tests {
     fn the_same_seed_draws_the_same_building_and_another_one_another() {
         let robot = RobotModel::builtin_quadruped();
         let drawn = |seed, index| {
-            let (scene, start, tour, noise) = draw_scene(seed, index, &robot, &RunConfig::default()).unwrap();
-            (scene.name, start, tour.way, noise)
+            let drawn = draw_scene(seed, index, &robot, &RunConfig::default()).unwrap();
+            (drawn.scene.name, drawn.start, drawn.tour.way, drawn.run_seed)
         };
         assert_eq!(drawn(1, 0), drawn(1, 0));
         assert_ne!(drawn(1, 0).0, drawn(1, 1).0);
