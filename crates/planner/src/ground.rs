@@ -36,3 +36,4 @@ mod outline;
 mod path;
 mod sight;
 mod triangles;
+mod vertex;

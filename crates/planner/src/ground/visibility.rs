@@ -11,11 +11,12 @@ use super::clearance::{ClearanceField, HALF_DIAGONAL};
 use super::grid::{GridView, GroundError, PaddedGrid};
 use super::lattice::Lattice;
 use super::outline::{Corner, outlines, simplify};
+use super::vertex::{Vertex, vertices_round};
 
 /// Douglas-Peucker tolerance in cells: a straight wall at any angle wavers by less than 1, noise adds half.
 const SIMPLIFY_CELLS: f64 = 1.5;
-/// Vertices are circumscribed with steps of at most this turn: 8 % longer radius at 45 degrees.
-const MAX_TURN_RAD: f64 = std::f64::consts::FRAC_PI_4;
+/// A corner that turns by less is none.
+const LEAST_TURN_RAD: f64 = 1e-6;
 /// Sine of the slack of the tautness test: simplified polygons differ from the true ones by a few degrees.
 const TAUT_SLACK: f64 = 0.12;
 /// Corners are looked up in square buckets of this many cells.
@@ -32,14 +33,6 @@ pub struct Route {
     pub start_pull_m: f64,
     /// How far the goal was moved to become free, 0 if it was.
     pub goal_pull_m: f64,
-}
-
-/// A vertex of the graph with the two directions of the inflated outline there (obstacle on the left).
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Vertex {
-    pub at: Point2<f64>,
-    before: Vector2<f64>,
-    after: Vector2<f64>,
 }
 
 /// Free space of a robot of a given clearance: polygons, taut edges, and the lattice that decides what is reachable.
@@ -89,7 +82,11 @@ impl VisibilityGraph {
             corners,
             polygons,
         };
-        graph.vertices = simple.iter().flat_map(|ring| graph.vertices_of(ring)).collect();
+        let mut vertices = Vec::new();
+        for ring in &simple {
+            vertices_round(ring, radius, SIMPLIFY_CELLS, LEAST_TURN_RAD, |p| graph.is_free(p), |v, _| vertices.push(v));
+        }
+        graph.vertices = vertices;
         graph.connect();
         Ok(graph)
     }
@@ -126,36 +123,6 @@ impl VisibilityGraph {
         self.is_free(&a) && self.is_free(&b) && self.is_visible(&a, &b)
     }
 
-    /// Vertices outside the convex corners of one simplified ring.
-    fn vertices_of(&self, ring: &[[f64; 2]]) -> Vec<Vertex> {
-        let n = ring.len();
-        let mut vertices = Vec::new();
-        for k in 0..n {
-            let corner = Point2::from(ring[k]);
-            let before = (corner - Point2::from(ring[(k + n - 1) % n])).normalize();
-            let after = (Point2::from(ring[(k + 1) % n]) - corner).normalize();
-            let turn = before.perp(&after).atan2(before.dot(&after));
-            if turn <= 1e-6 {
-                continue;
-            }
-            let steps = (turn / MAX_TURN_RAD - 1e-9).ceil().max(1.0);
-            let step = turn / steps;
-            for s in 0..steps as usize {
-                let outward = rotate(&Vector2::new(before.y, -before.x), (s as f64 + 0.5) * step);
-                let directions = (rotate(&before, s as f64 * step), rotate(&before, (s as f64 + 1.0) * step));
-                // Outside the wavering of the simplified wall where there is room for it, else tight.
-                for room in [SIMPLIFY_CELLS, 0.5 * SIMPLIFY_CELLS, 1e-6] {
-                    let at = corner + outward * ((self.radius + room) / (0.5 * step).cos());
-                    if self.is_free(&at) {
-                        vertices.push(Vertex { at, before: directions.0, after: directions.1 });
-                        break;
-                    }
-                }
-            }
-        }
-        vertices
-    }
-
     fn connect(&mut self) {
         let n = self.vertices.len();
         self.edges = vec![Vec::new(); n];
@@ -164,7 +131,7 @@ impl VisibilityGraph {
                 let (from, to) = (self.vertices[a], self.vertices[b]);
                 let across = to.at - from.at;
                 let length = across.norm();
-                if from.is_taut(&across, length) && to.is_taut(&across, length) && self.is_visible(&from.at, &to.at) {
+                if from.is_taut(&across, length, TAUT_SLACK) && to.is_taut(&across, length, TAUT_SLACK) && self.is_visible(&from.at, &to.at) {
                     self.edges[a].push((b as u32, length));
                     self.edges[b].push((a as u32, length));
                 }
@@ -219,26 +186,12 @@ impl VisibilityGraph {
         for (k, vertex) in self.vertices.iter().enumerate() {
             let across = vertex.at - p;
             let length = across.norm();
-            if vertex.is_taut(&across, length) && self.is_visible(p, &vertex.at) {
+            if vertex.is_taut(&across, length, TAUT_SLACK) && self.is_visible(p, &vertex.at) {
                 seen.push((k as u32, length));
             }
         }
         seen
     }
-}
-
-impl Vertex {
-    /// Whether a straight line along `across` through this vertex has the obstacle on one side only.
-    fn is_taut(&self, across: &Vector2<f64>, length: f64) -> bool {
-        let slack = TAUT_SLACK * length;
-        let (first, second) = (self.before.perp(across), across.perp(&self.after));
-        (first >= -slack && second >= -slack) || (first <= slack && second <= slack)
-    }
-}
-
-fn rotate(v: &Vector2<f64>, angle: f64) -> Vector2<f64> {
-    let (sin, cos) = angle.sin_cos();
-    Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
 }
 
 /// Convex corners of the exact outlines, in square buckets.
