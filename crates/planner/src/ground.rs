@@ -23,6 +23,7 @@ pub mod footprint;
 pub mod grid;
 pub mod local_policy;
 pub mod policy_config;
+pub mod far;
 pub mod polygon_map;
 pub mod route;
 pub mod visibility;
