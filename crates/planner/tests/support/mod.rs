@@ -4,6 +4,11 @@
 #[cfg(feature = "air")]
 pub mod corridors;
 
+#[cfg(feature = "ground")]
+pub mod building;
+#[cfg(feature = "ground")]
+pub mod drive;
+
 use nalgebra::Point2;
 use planner::GridView;
 

@@ -35,7 +35,7 @@ pub struct FarConfig {
     pub local_planner_range_m: f64,
     /// A goal that is not free may be moved this far in m (`goal_adjust_radius`). 2.
     pub goal_adjust_radius_m: f64,
-    /// Pairs of nodes examined for new edges in one cycle; the rest waits for the next. 6000.
+    /// Pairs of nodes measured for new edges in one cycle, or a few more; the rest waits for the next. 2000.
     pub pairs_per_cycle: u32,
 }
 
@@ -57,7 +57,7 @@ impl Default for FarConfig {
             pillar_perimeter_m: 2.0,
             local_planner_range_m: 5.0,
             goal_adjust_radius_m: 2.0,
-            pairs_per_cycle: 6000,
+            pairs_per_cycle: 2000,
         }
     }
 }

@@ -1,0 +1,83 @@
+//! A point robot that patrols a building, sees, and keeps a dynamic visibility graph: for benches and figures.
+
+use nalgebra::Point2;
+use planner::ground::far::{DynamicVisibilityGraph, Update, config::FarConfig, tile::Through};
+use planner::ground::far::window::Seen;
+
+use super::SplitMix;
+use super::building::{Belief, Building, advance, ground};
+
+/// A patrol from room to room, each drawn; every 50 cycles a box moves.
+pub struct Patrol {
+    pub building: Building,
+    pub belief: Belief,
+    pub graph: DynamicVisibilityGraph,
+    pub at: Point2<f64>,
+    pub goal: Point2<f64>,
+    random: SplitMix,
+    cycle: u32,
+    side: usize,
+    cells: Vec<Seen>,
+    moving: Option<[i64; 4]>,
+}
+
+impl Patrol {
+    pub fn new(building: Building, side: usize) -> Self {
+        let config = FarConfig { voxel_m: building.voxel_m, ..FarConfig::default() };
+        Patrol {
+            belief: Belief::new(&building),
+            graph: DynamicVisibilityGraph::new(config).unwrap(),
+            at: building.rooms[0],
+            goal: building.rooms[0],
+            random: SplitMix(7),
+            cycle: 0,
+            side,
+            cells: Vec::new(),
+            moving: None,
+            building,
+        }
+    }
+
+    /// Scans, updates, plans, drives 0.2 m. `timed` is given the update and the search.
+    pub fn step<T>(&mut self, timed: &mut impl FnMut(&mut dyn FnMut()) -> T) -> (T, T, Update) {
+        if self.cycle.is_multiple_of(50) {
+            if let Some(old) = self.moving.take() {
+                self.building.fill(old, false);
+            }
+            let room = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
+            let cell = |m: f64| (m / self.building.voxel_m) as i64;
+            let rect = [cell(room.x + 0.3), cell(room.y + 0.3), cell(room.x + 0.8), cell(room.y + 0.8)];
+            if self.building.distance(&(room + nalgebra::Vector2::new(0.5, 0.5)), 0.4) >= 0.4 && (room - self.at).norm() > 2.0 {
+                self.building.fill(rect, true);
+                self.moving = Some(rect);
+            }
+        }
+        self.cycle += 1;
+        self.belief.scan(&self.building, &self.at, 10.0, 1440);
+        let window = self.belief.window(&self.at, self.side, &mut self.cells);
+        let (graph, here) = (&mut self.graph, ground(&self.at));
+        let mut update = Update::default();
+        let updating = timed(&mut || update = graph.update(&here, &window).unwrap());
+        if (self.goal - self.at).norm() < 0.5 || self.cycle.is_multiple_of(400) {
+            self.goal = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
+        }
+        let goal = ground(&self.goal);
+        let mut route = None;
+        let searching = timed(&mut || {
+            route = self.graph.route_through(&here, &goal, Through::Known).or_else(|_| self.graph.route_through(&here, &goal, Through::Unknown)).ok();
+        });
+        if let Some(route) = route {
+            let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
+            self.at = advance(&self.at, &points, 0.2);
+        } else {
+            self.goal = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
+        }
+        (updating, searching, update)
+    }
+}
+
+/// The median and the 99th percentile.
+pub fn median_p99(times: &mut [f64]) -> (f64, f64) {
+    times.sort_by(f64::total_cmp);
+    (times[times.len() / 2], times[(times.len() * 99).div_ceil(100) - 1])
+}
