@@ -69,6 +69,28 @@ impl Edges {
         self.insert(memory, nodes, pair);
     }
 
+    /// A pair as a file has it, measured anew; whether it is within range.
+    pub fn restore(
+        &mut self,
+        memory: &Memory,
+        nodes: &mut [Option<Node>],
+        (a, b): (u32, u32),
+        votes: u16,
+        count: u8,
+        range: f64,
+    ) -> bool {
+        let (Some(from), Some(to)) = (&nodes[a as usize], &nodes[b as usize]) else { return false };
+        let (here, there) = (from.spot(), to.spot());
+        let length = (there.at - here.at).norm();
+        if length > range + 1e-6 {
+            return false;
+        }
+        let is_clear = memory.is_clear(&here, &there, Through::Unknown);
+        let is_known = is_clear && memory.is_clear(&here, &there, Through::Known);
+        self.insert(memory, nodes, Pair { a, b, votes, count, is_clear, is_known, length, is_voting: true });
+        true
+    }
+
     /// Puts a pair in, as it stands in a file or was just tested.
     fn insert(&mut self, memory: &Memory, nodes: &mut [Option<Node>], pair: Pair) {
         let (a, b) = (pair.a, pair.b);

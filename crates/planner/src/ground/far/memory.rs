@@ -63,6 +63,11 @@ impl Memory {
         (gap(nearest) <= self.same_layer_m).then_some(nearest)
     }
 
+    /// How many storeys have a tile at an address.
+    pub fn storeys(&self, key: (i32, i32)) -> usize {
+        self.index.get(&key).map_or(0, Vec::len)
+    }
+
     /// Adds an empty tile.
     pub fn add_tile(&mut self, key: (i32, i32), floor_m: f64) -> u32 {
         let id = self.tiles.len() as u32;
@@ -245,11 +250,12 @@ impl Memory {
         Reader::new(self, spot, spot, through).is_free(&spot.at)
     }
 
-    /// Whether the straight segment keeps the clearance, both ends included. Exact: see [`super::super::visibility`]; the nearest point of
+    /// Whether the straight segment stays on one storey and keeps the clearance, both ends included. Exact: see [`super::super::visibility`]; the nearest point of
     /// a union of squares to a segment with free ends is a convex corner, or the segment crosses the union, which the march sees.
     pub fn is_clear(&self, a: &Spot, b: &Spot, through: Through) -> bool {
+        let is_level = (a.floor_m - b.floor_m).abs() <= self.same_layer_m;
         let mut reader = Reader::new(self, a, b, through);
-        reader.is_free(&a.at) && reader.is_free(&b.at) && reader.is_passable()
+        is_level && reader.is_free(&a.at) && reader.is_free(&b.at) && reader.is_passable()
     }
 
     /// The free lattice point nearest to a spot, within `reach` cells of it.
