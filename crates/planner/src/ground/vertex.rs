@@ -28,15 +28,15 @@ impl Vertex {
 }
 
 /// Calls `found` for the vertices outside the convex corners of one simplified ring (obstacle on the left). A vertex lies outside the
-/// wavering of the simplified wall, `waver` cells, where there is room for it (`is_free`), else tight; where there is no room at all
-/// there is none. Corners that turn by less than `least_turn_rad` are walls. The second argument is the corner itself.
+/// wavering of the simplified walls at its corner, `waver(k)` cells, where there is room for it (`is_free`), else tight; where there is
+/// no room at all there is none. Corners that turn by less than `least_turn_rad` are walls.
 pub(crate) fn vertices_round(
     ring: &[[f64; 2]],
     radius: f64,
-    waver: f64,
+    waver: impl Fn(usize) -> f64,
     least_turn_rad: f64,
     is_free: impl Fn(&Point2<f64>) -> bool,
-    mut found: impl FnMut(Vertex, Point2<f64>),
+    mut found: impl FnMut(Vertex),
 ) {
     let n = ring.len();
     for k in 0..n {
@@ -52,10 +52,10 @@ pub(crate) fn vertices_round(
         for s in 0..steps as usize {
             let outward = rotate(&Vector2::new(before.y, -before.x), (s as f64 + 0.5) * step);
             let directions = (rotate(&before, s as f64 * step), rotate(&before, (s as f64 + 1.0) * step));
-            for room in [waver, 0.5 * waver, 1e-6] {
+            for room in [waver(k).max(1e-6), 0.5 * waver(k), 1e-6] {
                 let at = corner + outward * ((radius + room) / (0.5 * step).cos());
                 if is_free(&at) {
-                    found(Vertex { at, before: directions.0, after: directions.1 }, corner);
+                    found(Vertex { at, before: directions.0, after: directions.1 });
                     break;
                 }
             }
@@ -76,7 +76,7 @@ mod tests {
     fn a_square_gets_two_vertices_at_each_corner_on_the_circumscribed_octagon() {
         let ring = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
         let mut vertices = Vec::new();
-        vertices_round(&ring, 1.0, 0.0, 1e-6, |_| true, |v, _| vertices.push(v));
+        vertices_round(&ring, 1.0, |_| 0.0, 1e-6, |_| true, |v| vertices.push(v));
         assert_eq!(vertices.len(), 8);
         // At the corner (2, 2): outward at 22.5 and 67.5 degrees, 1 / cos(22.5 degrees) away.
         let tan = (std::f64::consts::PI / 8.0).tan();
@@ -93,7 +93,7 @@ mod tests {
     fn where_there_is_no_room_there_is_no_vertex() {
         let ring = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
         let mut count = 0;
-        vertices_round(&ring, 1.0, 1.5, 1e-6, |p| p.x < 1.0, |_, _| count += 1);
+        vertices_round(&ring, 1.0, |_| 1.5, 1e-6, |p| p.x < 1.0, |_| count += 1);
         assert_eq!(count, 4);
     }
 }

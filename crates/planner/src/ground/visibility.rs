@@ -84,7 +84,8 @@ impl VisibilityGraph {
         };
         let mut vertices = Vec::new();
         for ring in &simple {
-            vertices_round(ring, radius, SIMPLIFY_CELLS, LEAST_TURN_RAD, |p| graph.is_free(p), |v, _| vertices.push(v));
+            let is_free = |p: &Point2<f64>| graph.is_free(p);
+            vertices_round(ring, radius, |_| SIMPLIFY_CELLS, LEAST_TURN_RAD, is_free, |v| vertices.push(v));
         }
         graph.vertices = vertices;
         graph.connect();

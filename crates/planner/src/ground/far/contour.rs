@@ -12,8 +12,9 @@ use super::config::FarConfig;
 use super::memory::{Memory, Spot};
 use super::tile::{SIDE, Through};
 
-/// Douglas-Peucker tolerance in cells: a straight wall at any angle wavers by less than 1, noise adds half.
-const SIMPLIFY_CELLS: f64 = 1.5;
+/// Douglas-Peucker tolerance in cells. FAR has 1.5; a straight wall at any angle wavers by less than 1, and with less than 1 a wall of one
+/// cell keeps both corners of its end, so that vertices need not stand off from a corner that is not there.
+const SIMPLIFY_CELLS: f64 = 0.99;
 /// Most vertices of one cycle; what a window has beyond is counted and left.
 const MAX_VERTICES: usize = 4096;
 
@@ -92,6 +93,7 @@ impl Contours {
         for ring in &rings {
             let is_pillar = perimeter(ring) * config.voxel_m <= config.pillar_perimeter_m && area2(ring) > 0;
             let mut simple = if is_pillar { bounding_box(ring) } else { simplify(ring, SIMPLIFY_CELLS) };
+            let bulges = if is_pillar { vec![0.0; simple.len()] } else { bulges(ring, &simple) };
             for corner in &mut simple {
                 *corner = [corner[0] + offset[0] as f64, corner[1] + offset[1] as f64];
             }
@@ -99,8 +101,8 @@ impl Contours {
                 let spot = Spot { at: *p, floor_m: robot.floor_m };
                 region.contains(p, margin) && memory.is_free(&spot, Through::Unknown)
             };
-            let waver = if is_pillar { 0.0 } else { SIMPLIFY_CELLS };
-            vertices_round(&simple, memory.radius, waver, config.accept_align_rad, is_free, |vertex, _| {
+            let waver = |k: usize| bulges[k].max(bulges[(k + bulges.len() - 1) % bulges.len()]);
+            vertices_round(&simple, memory.radius, waver, config.accept_align_rad, is_free, |vertex| {
                 if self.vertices.len() < MAX_VERTICES {
                     self.vertices.push(LocalVertex { vertex, is_pillar });
                 } else {
@@ -182,6 +184,27 @@ fn area2(ring: &[Corner]) -> i64 {
 fn perimeter(ring: &[Corner]) -> f64 {
     let side = |a: Corner, b: Corner| (a.x.abs_diff(b.x) + a.y.abs_diff(b.y)) as f64;
     (0..ring.len()).map(|k| side(ring[k], ring[(k + 1) % ring.len()])).sum()
+}
+
+/// For each side of a simplified ring how far the corners it leaves out stand out of it into the free. A ring that became its box has none
+/// outside.
+fn bulges(ring: &[Corner], simple: &[[f64; 2]]) -> Vec<f64> {
+    let n = simple.len();
+    let at = |c: &Corner| [f64::from(c.x), f64::from(c.y)];
+    let mut bulges = vec![0.0f64; n];
+    let Some(start) = ring.iter().position(|c| at(c) == simple[0]) else { return bulges };
+    let mut side = 0;
+    for corner in (1..ring.len()).map(|k| at(&ring[(start + k) % ring.len()])) {
+        if side + 1 < n && corner == simple[side + 1] {
+            side += 1;
+            continue;
+        }
+        let (a, b) = (Point2::from(simple[side]), Point2::from(simple[(side + 1) % n]));
+        let along = b - a;
+        let out = -along.perp(&(Point2::from(corner) - a)) / along.norm().max(1e-9);
+        bulges[side] = bulges[side].max(out);
+    }
+    bulges
 }
 
 /// `[x low, y low, x high, y high]`.

@@ -179,6 +179,28 @@ impl Memory {
         }
     }
 
+    /// Distances of all tiles as they were read from a file; keeps which blocks are exhausted.
+    pub fn remeasure_all(&mut self) {
+        let exhausted: Vec<u64> = self.tiles.iter().map(|tile| tile.exhausted).collect();
+        let mut changes = Vec::new();
+        for (k, tile) in self.tiles.iter().enumerate() {
+            let (mut whole, mut obstacles) = (Extent::default(), Extent::default());
+            for (j, row) in tile.occupied.iter().enumerate() {
+                whole.add(u64::MAX, j);
+                obstacles.add(*row, j);
+            }
+            for (extent, is_of_obstacles) in [(whole, false), (obstacles, true)] {
+                if let Some(changed) = extent.in_tile(tile.key) {
+                    changes.push(Change { tile: k as u32, changed, freed: None, is_of_obstacles, cells: 0 });
+                }
+            }
+        }
+        self.remeasure(&changes);
+        for (tile, exhausted) in self.tiles.iter_mut().zip(exhausted) {
+            tile.exhausted = exhausted;
+        }
+    }
+
     fn remeasure_tile(&mut self, id: u32) {
         let (key, floor_m) = (self.tiles[id as usize].key, self.tiles[id as usize].floor_m);
         let round: [[Option<u32>; 3]; 3] = std::array::from_fn(|y| {

@@ -127,7 +127,7 @@ impl DynamicVisibilityGraph {
     /// A* from a free spot. Slots of the nodes between start and goal if there is a way; and the reached node (or the start) nearest to
     /// `target`, with its distance in metres.
     fn search(&self, from: &Spot, to: Option<&Spot>, target: &Spot, through: Through) -> (Option<Vec<u32>>, (Point3<f64>, f64)) {
-        let (memory, slack) = (&self.memory, self.config.angle_noise_rad.sin());
+        let memory = &self.memory;
         let off = |spot: &Spot| (spot.at - target.at).norm();
         let mut nearest = (off(from), self.world(from));
         if to.is_some_and(|to| memory.is_clear(from, to, through)) {
@@ -142,9 +142,8 @@ impl DynamicVisibilityGraph {
         self.nodes_near(&from.at, range, from.floor_m, &mut near);
         for slot in near {
             let Some(node) = self.node(slot) else { continue };
-            let across = node.vertex.at - from.at;
-            let length = across.norm();
-            if length <= range && node.vertex.is_taut(&across, length, slack) {
+            let length = (node.vertex.at - from.at).norm();
+            if length <= range {
                 open.push(Step { bound: length + off(&node.spot()), length, slot, before: START });
             }
         }
@@ -165,10 +164,9 @@ impl DynamicVisibilityGraph {
                 nearest = (left, self.world(&spot));
             }
             if let Some(to) = to {
-                let across = to.at - spot.at;
-                let whole = step.length + across.norm();
+                let whole = step.length + (to.at - spot.at).norm();
                 let is_shorter = end.is_none_or(|(length, _)| whole < length);
-                if is_shorter && node.vertex.is_taut(&across, across.norm(), slack) && memory.is_clear(&spot, to, through) {
+                if is_shorter && memory.is_clear(&spot, to, through) {
                     end = Some((whole, step.slot));
                 }
             }

@@ -19,7 +19,7 @@ use rustc_hash::FxHashSet;
 use super::super::vertex::Vertex;
 use super::DynamicVisibilityGraph;
 use super::config::{FarConfig, FarError};
-use super::memory::{CellBox, Change, Spot};
+use super::memory::Spot;
 use super::node::{Node, NodeKind};
 use super::tile::SIDE;
 use super::window::is_sane;
@@ -132,7 +132,7 @@ impl DynamicVisibilityGraph {
                 Some((&"node", rest)) => graph.read_node(rest).map_err(wrong)?,
                 Some((&"edge", rest)) => {
                     if !std::mem::replace(&mut has_measured, true) {
-                        graph.measure_all();
+                        graph.memory.remeasure_all();
                     }
                     graph.read_edge(rest, &mut joined).map_err(wrong)?;
                 }
@@ -151,7 +151,7 @@ impl DynamicVisibilityGraph {
             }
         }
         if !has_measured {
-            graph.measure_all();
+            graph.memory.remeasure_all();
         }
         graph.pending.clear();
         Ok(graph)
@@ -257,23 +257,6 @@ impl DynamicVisibilityGraph {
         self.trajectory.last = Some((slot, serial));
         self.trajectory.previous = Some(spot);
         Ok(())
-    }
-
-    /// Distances of all tiles as they were read.
-    fn measure_all(&mut self) {
-        let exhausted: Vec<u64> = self.memory.tiles.iter().map(|tile| tile.exhausted).collect();
-        let side = SIDE as i64;
-        let whole = |(k, tile): (usize, &super::tile::Tile)| {
-            let low = [i64::from(tile.key.0) * side, i64::from(tile.key.1) * side];
-            let changed = CellBox { low, high: low.map(|c| c + side) };
-            let is_of_obstacles = tile.occupied.iter().any(|row| *row != 0);
-            Change { tile: k as u32, changed, freed: None, is_of_obstacles, cells: 0 }
-        };
-        let changes: Vec<Change> = self.memory.tiles.iter().enumerate().map(whole).collect();
-        self.memory.remeasure(&changes);
-        for (tile, exhausted) in self.memory.tiles.iter_mut().zip(exhausted) {
-            tile.exhausted = exhausted;
-        }
     }
 }
 
