@@ -25,7 +25,8 @@ pub struct FarConfig {
     pub node_finalize: u8,
     /// Matches that a node remembers (`filter_pool_size`). 12, at most 16.
     pub filter_pool: u8,
-    /// Angle in rad by which a taut edge may cut into the surface it leaves (`angle_noise`). 0.12: polygons lie within 1.5 cells of the squares.
+    /// Angle in rad by which a taut edge may cut into the surface it leaves (`angle_noise`). 0.12: polygons lie within a cell
+    /// of the squares.
     pub angle_noise_rad: f64,
     /// Corners that turn by less, in rad, are walls (`accept_max_align_angle`). 4 degrees.
     pub accept_align_rad: f64,

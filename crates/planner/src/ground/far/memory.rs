@@ -165,7 +165,7 @@ impl Memory {
                     let here = self.index.get(&key).map_or(&[][..], Vec::as_slice);
                     let is_near = |id: &u32| (self.tiles[*id as usize].floor_m - floor_m).abs() <= self.same_layer_m;
                     reached.extend(here.iter().filter(|id| is_near(id)));
-                    if reached.len() == before && change.is_of_obstacles {
+                    if reached.len() == before && self.reaches(change.tile, key) {
                         // Unknown, but nearer than 16 cells to an obstacle: its distances have to say so.
                         reached.push(self.add_tile(key, floor_m));
                     }
@@ -179,22 +179,32 @@ impl Memory {
         }
     }
 
+    /// Whether an obstacle of a tile is nearer than 16 cells to a tile beside it.
+    fn reaches(&self, tile: u32, beside: (i32, i32)) -> bool {
+        let tile = &self.tiles[tile as usize];
+        let rows = match beside.1 - tile.key.1 {
+            -1 => 0..REACH,
+            1 => SIDE - REACH..SIDE,
+            _ => 0..SIDE,
+        };
+        let columns = match beside.0 - tile.key.0 {
+            -1 => u64::MAX >> (SIDE - REACH),
+            1 => u64::MAX << (SIDE - REACH),
+            _ => u64::MAX,
+        };
+        tile.occupied[rows].iter().any(|row| row & columns != 0)
+    }
+
     /// Distances of all tiles as they were read from a file; keeps which blocks are exhausted.
     pub fn remeasure_all(&mut self) {
         let exhausted: Vec<u64> = self.tiles.iter().map(|tile| tile.exhausted).collect();
-        let mut changes = Vec::new();
-        for (k, tile) in self.tiles.iter().enumerate() {
-            let (mut whole, mut obstacles) = (Extent::default(), Extent::default());
-            for (j, row) in tile.occupied.iter().enumerate() {
-                whole.add(u64::MAX, j);
-                obstacles.add(*row, j);
-            }
-            for (extent, is_of_obstacles) in [(whole, false), (obstacles, true)] {
-                if let Some(changed) = extent.in_tile(tile.key) {
-                    changes.push(Change { tile: k as u32, changed, freed: None, is_of_obstacles, cells: 0 });
-                }
-            }
-        }
+        let side = SIDE as i64;
+        let whole = |(k, tile): (usize, &Tile)| {
+            let low = [i64::from(tile.key.0) * side, i64::from(tile.key.1) * side];
+            let changed = CellBox { low, high: low.map(|c| c + side) };
+            Change { tile: k as u32, changed, freed: None, is_of_obstacles: true, cells: 0 }
+        };
+        let changes: Vec<Change> = self.tiles.iter().enumerate().map(whole).collect();
         self.remeasure(&changes);
         for (tile, exhausted) in self.tiles.iter_mut().zip(exhausted) {
             tile.exhausted = exhausted;
