@@ -8,6 +8,8 @@ pub mod corridors;
 pub mod building;
 #[cfg(feature = "ground")]
 pub mod drive;
+#[cfg(feature = "ground")]
+pub mod optimist;
 
 use nalgebra::Point2;
 use planner::GridView;
