@@ -211,3 +211,42 @@ fn exploring_until_no_frontier_is_left_shows_every_room() {
         assert!(robot.nearest_m >= CLEARANCE_M - 0.15, "seed {seed}: {}", robot.nearest_m);
     }
 }
+
+/// Ranges off by 2 cm (one standard deviation): cells beside the walls flicker. Votes, pools and dampers keep the graph small and usable.
+#[test]
+fn a_noisy_scanner_neither_swells_the_graph_nor_stops_the_robot() {
+    let building = Building::of_rooms(4, 3, VOXEL_M, 3, 3, 1);
+    let mut random = SplitMix(9);
+    let mut gauss = move || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
+    let mut robot = Robot::new(&building, building.rooms[0]);
+    let mut clean = Robot::new(&building, building.rooms[0]);
+    clean.belief = Belief::of_all(&building);
+    clean.look(&building);
+    let clean = clean.graph.nodes().count();
+    let mut most = 0;
+    for goal in [11, 3, 8, 0] {
+        let goal = building.rooms[goal];
+        let mut guide = Guide::new(ground(&goal));
+        let mut arrived = false;
+        for _ in 0..600 {
+            robot.belief.scan_with(&building, &robot.at, RANGE_M, 720, || 0.02 * gauss() - 0.03);
+            let window = robot.belief.window(&robot.at, SIDE, &mut robot.cells);
+            robot.graph.update(&ground(&robot.at), &window).unwrap();
+            most = most.max(robot.graph.nodes().count());
+            match guide.next(&robot.graph, &ground(&robot.at)) {
+                Guidance::Arrived => {
+                    arrived = true;
+                    break;
+                }
+                Guidance::Drive { route, .. } => {
+                    let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
+                    robot.follow(&building, &points);
+                }
+                Guidance::NoWay(_) => {}
+            }
+        }
+        println!("{goal}: arrived {arrived}, {:.1} m, at most {most} nodes ({clean} without noise)", robot.metres);
+        assert!(arrived && most <= 4 * clean);
+    }
+    robot.graph.check_invariants();
+}

@@ -174,4 +174,73 @@ mod tests {
         let simple = simplify(&rings[0], 1.5);
         assert!(simple.len() <= 4, "{simple:?}");
     }
+
+    /// OpenCV's borders of three obstacle pictures: the same outer borders and holes, pixel for pixel.
+    #[test]
+    fn borders_are_those_of_opencv() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/maps/contours_golden.json");
+        let Ok(text) = std::fs::read_to_string(path) else {
+            println!("skipped: {path} is not here");
+            return;
+        };
+        let golden: serde_json::Value = serde_json::from_str(&text).unwrap();
+        for image in golden["images"].as_array().unwrap() {
+            let size = image["size"].as_u64().unwrap() as usize;
+            let mut value = image["first_value"].as_u64() == Some(1);
+            let (mut blocked, mut cell) = (vec![false; (size + 2) * (size + 2)], 0);
+            for run in image["runs"].as_array().unwrap() {
+                for _ in 0..run.as_u64().unwrap() {
+                    blocked[(cell / size + 1) * (size + 2) + cell % size + 1] = value;
+                    cell += 1;
+                }
+                value = !value;
+            }
+            let (width, height) = (size + 2, size + 2);
+            let grid = PaddedGrid { origin: Point2::origin(), resolution_m: 1.0, width, height, blocked };
+            let mut ours: Vec<(bool, Vec<(i64, i64)>)> =
+                outlines(&grid).iter().map(|ring| (area2(ring) > 0, pixels_beside(ring))).collect();
+            let hierarchy = image["hierarchy"].as_array().unwrap();
+            let mut theirs: Vec<(bool, Vec<(i64, i64)>)> = image["contours"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip(hierarchy)
+                .map(|(contour, link)| {
+                    let pixel = |p: &serde_json::Value| (p[0].as_i64().unwrap() + 1, p[1].as_i64().unwrap() + 1);
+                    let mut pixels: Vec<(i64, i64)> = contour.as_array().unwrap().iter().map(pixel).collect();
+                    pixels.sort_unstable();
+                    pixels.dedup();
+                    // Outer borders and holes take turns from the root of the tree down.
+                    let (mut is_outer, mut parent) = (true, link[3].as_i64().unwrap());
+                    while parent >= 0 {
+                        is_outer = !is_outer;
+                        parent = hierarchy[parent as usize][3].as_i64().unwrap();
+                    }
+                    (is_outer, pixels)
+                })
+                .collect();
+            ours.sort_unstable();
+            theirs.sort_unstable();
+            assert_eq!(ours.len(), theirs.len(), "{}", image["map"]);
+            assert!(ours == theirs, "{}", image["map"]);
+        }
+    }
+
+    /// The blocked cells on the left of a ring, sorted.
+    fn pixels_beside(ring: &[Corner]) -> Vec<(i64, i64)> {
+        let mut pixels = Vec::new();
+        for k in 0..ring.len() {
+            let (a, b) = (ring[k], ring[(k + 1) % ring.len()]);
+            let (dx, dy) = (i64::from((b.x - a.x).signum()), i64::from((b.y - a.y).signum()));
+            let (mut x, mut y) = (i64::from(a.x), i64::from(a.y));
+            while (x, y) != (i64::from(b.x), i64::from(b.y)) {
+                // Middle of the step, half a cell to the left.
+                pixels.push(((2 * x + dx - dy).div_euclid(2), (2 * y + dy + dx).div_euclid(2)));
+                (x, y) = (x + dx, y + dy);
+            }
+        }
+        pixels.sort_unstable();
+        pixels.dedup();
+        pixels
+    }
 }

@@ -174,12 +174,25 @@ impl Belief {
 
     /// A full turn of a scanner: rays walk from cell to cell until they meet something.
     pub fn scan(&mut self, building: &Building, at: &Point2<f64>, range_m: f64, rays: usize) {
+        self.scan_with(building, at, range_m, rays, || 0.0);
+    }
+
+    /// The same, with every range off by what `noise_m` says.
+    pub fn scan_with(
+        &mut self,
+        building: &Building,
+        at: &Point2<f64>,
+        range_m: f64,
+        rays: usize,
+        mut noise_m: impl FnMut() -> f64,
+    ) {
         let p = at / self.voxel_m;
         let range = range_m / self.voxel_m;
         for k in 0..rays {
             let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / rays as f64).sin_cos();
             let (mut x, mut y) = (p.x.floor() as i64, p.y.floor() as i64);
             let next = |c: f64, d: f64| if d > 0.0 { (c.floor() + 1.0 - c) / d } else { (c.floor() - c) / d };
+            let mut entered = 0.0;
             let (mut tx, mut ty) = (next(p.x, cos), next(p.y, sin));
             loop {
                 if x < 0 || y < 0 || x >= self.width || y >= self.height {
@@ -187,13 +200,21 @@ impl Belief {
                 }
                 let cell = (y * self.width + x) as usize;
                 if building.occupied[cell] {
-                    self.seen[cell] = Seen::Occupied;
+                    // The point that is measured lies a little before or behind the surface.
+                    let off = noise_m() / self.voxel_m;
+                    let reach = if off == 0.0 { 0.0 } else { entered + off };
+                    let (hx, hy) = ((p.x + cos * reach).floor() as i64, (p.y + sin * reach).floor() as i64);
+                    let hit = if off == 0.0 { cell } else { (hy * self.width + hx) as usize };
+                    if off == 0.0 || (hx >= 0 && hy >= 0 && hx < self.width && hy < self.height) {
+                        self.seen[hit] = Seen::Occupied;
+                    }
                     break;
                 }
                 self.seen[cell] = Seen::Free;
                 if tx.min(ty) > range {
                     break;
                 }
+                entered = tx.min(ty);
                 if tx < ty {
                     x += if cos > 0.0 { 1 } else { -1 };
                     tx += (1.0 / cos).abs();
