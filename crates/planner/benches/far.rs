@@ -6,6 +6,7 @@ mod support;
 use cpu_time::ThreadTime;
 use divan::Bencher;
 use planner::ground::far::tile::Through;
+use planner::ground::far::window::Window;
 use support::building::{Building, ground};
 use support::drive::{Patrol, median_p99};
 
@@ -40,7 +41,9 @@ fn figures() {
         }
         println!("{name}: {} nodes, {} edges at the end", patrol.graph.nodes().count(), patrol.graph.edges().count());
         for (what, times) in [("update", &updates), ("search", &searches)] {
-            for (part, of) in [("first 100", &times[..100]), ("all", &times[..]), ("last 100", &times[times.len() - 100..])] {
+            for (part, of) in
+                [("first 100", &times[..100]), ("all", &times[..]), ("last 100", &times[times.len() - 100..])]
+            {
                 let mut of = of.to_vec();
                 let (median, p99) = median_p99(&mut of);
                 println!("  {what} {part:9}: {median:7.3} / {p99:7.3} / {:7.3}", of[of.len() - 1]);
@@ -53,13 +56,20 @@ fn figures() {
     }
 }
 
-#[divan::bench(args = [100, 2000])]
+/// Windows of a hundred further cycles, one after the other, at two ages of the map.
+#[divan::bench(args = [100, 2000], sample_size = 10)]
 fn update(bencher: Bencher, age: u32) {
     let mut patrol = Patrol::new(building(0.15), 401);
     for _ in 0..age {
         patrol.step(&mut |work| work());
     }
-    bencher.bench_local(|| patrol.step(&mut |work| work()));
+    let windows = patrol.record(100);
+    let mut next = 0;
+    bencher.bench_local(|| {
+        let (at, first_cell, seen) = &windows[next % windows.len()];
+        next += 1;
+        patrol.graph.update(at, &Window { first_cell: *first_cell, width: 401, height: 401, seen })
+    });
 }
 
 #[divan::bench]

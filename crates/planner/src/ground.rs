@@ -19,11 +19,11 @@
 //! clearance. Vertices and edges are proposals; [`visibility`] measures each exactly, and where the graph has no way
 //! although the lattice has one (a gap that only the circle itself fits through), [`route`] takes the lattice's.
 
+pub mod far;
 pub mod footprint;
 pub mod grid;
 pub mod local_policy;
 pub mod policy_config;
-pub mod far;
 pub mod polygon_map;
 pub mod route;
 pub mod visibility;

@@ -54,7 +54,12 @@ impl Robot {
     }
 
     /// Drives to a goal; `world` may change the building before each cycle. Whether it arrived.
-    fn drive(&mut self, building: &mut Building, goal: &Point2<f64>, mut world: impl FnMut(&mut Building, &Point2<f64>, u32)) -> bool {
+    fn drive(
+        &mut self,
+        building: &mut Building,
+        goal: &Point2<f64>,
+        mut world: impl FnMut(&mut Building, &Point2<f64>, u32),
+    ) -> bool {
         let mut guide = Guide::new(ground(goal));
         let mut stuck = 0;
         for cycle in 0..3000 {
@@ -202,7 +207,11 @@ fn exploring_until_no_frontier_is_left_shows_every_room() {
         }
         let free = building.occupied.iter().filter(|o| !**o).count();
         let seen = robot.belief.seen.iter().filter(|s| **s == Seen::Free).count();
-        println!("seed {seed}: {:.0} m, {cycles} cycles, {:.2} % of the floor seen", robot.metres, 100.0 * seen as f64 / free as f64);
+        println!(
+            "seed {seed}: {:.0} m, {cycles} cycles, {:.2} % of the floor seen",
+            robot.metres,
+            100.0 * seen as f64 / free as f64
+        );
         for room in &building.rooms {
             let (x, y) = ((room.x / VOXEL_M) as i64, (room.y / VOXEL_M) as i64);
             assert_eq!(robot.belief.get(x, y), Seen::Free, "seed {seed}: the room at {room}");

@@ -223,15 +223,18 @@ fn static_lengths(building: &Building, clearance_m: f64) -> Vec<Option<f64>> {
     VisibilityGraph::build(&view, clearance_m).unwrap().lengths_from(&building.rooms[0], &building.rooms)
 }
 
-/// As above without anything to spare, on fixed buildings: a gap that only the circle itself fits through may be missed, elsewhere not.
+/// As above without anything to spare, on fixed buildings: where the graph has no way because only the circle itself fits through a gap, the
+/// lattice has one, as in the static graph.
 #[test]
 fn with_the_same_clearance_ways_are_as_short_on_two_hundred_buildings() {
     for seed in 0..200 {
         let building = Building::of_rooms(3, 1 + seed as usize % 3, VOXEL_M, seed, seed % 4, 2 + seed as usize % 2);
         let graph = knowing(&building, &building.rooms[0]);
         for (goal, length) in building.rooms.iter().zip(static_lengths(&building, CLEARANCE_M)) {
-            let route = graph.route_through(&ground(&building.rooms[0]), &ground(goal), Through::Known).unwrap();
-            assert!(length.is_none_or(|length| route.length_m <= 1.001 * length), "{seed}: {} {length:?}", route.length_m);
+            let Some(length) = length else { continue };
+            let route = graph.route(&ground(&building.rooms[0]), &ground(goal)).unwrap();
+            check_clearance(&route, |x, y| building.is_occupied(x, y));
+            assert!(route.length_m <= 1.002 * length, "{seed}: {} {length}", route.length_m);
         }
     }
 }
@@ -320,9 +323,8 @@ fn storeys_above_each_other_do_not_mix() {
 #[test]
 fn a_ramp_joins_two_storeys() {
     // A corridor along x whose floor rises from 0 to 3 m, seen in small windows as the robot goes up.
-    let seen: Vec<Seen> = (0..41 * 21)
-        .map(|k| if [0, 20].contains(&(k / 41)) { Seen::Occupied } else { Seen::Free })
-        .collect();
+    let seen: Vec<Seen> =
+        (0..41 * 21).map(|k| if [0, 20].contains(&(k / 41)) { Seen::Occupied } else { Seen::Free }).collect();
     let mut graph = graph();
     for k in 0..200i32 {
         let cell = i64::from(k);
@@ -375,7 +377,10 @@ fn damage_of_a_file_is_named_by_its_line() {
     let read = |text: &str| DynamicVisibilityGraph::load(text.as_bytes()).unwrap_err().to_string();
     assert_eq!(read("far-graph 2\n"), "line 1 is not `far-graph 1`");
     assert_eq!(read("far-graph 1\nconfig voxel_m x\n"), "line 2: accepted is `config`, a setting's name and its value");
-    assert_eq!(read("far-graph 1\nconfig voxel_m 0.9\nend 0\n"), "clearance_m is 0.4; accepted is 2 to 12 times voxel_m");
+    assert_eq!(
+        read("far-graph 1\nconfig voxel_m 0.9\nend 0\n"),
+        "clearance_m is 0.4; accepted is 2 to 12 times voxel_m"
+    );
     assert_eq!(read("far-graph 1\ntile 0 0 0 0\n"), "line 2: the file ends before its `end`");
     assert!(read("far-graph 1\ntile 0 0 0 0\nrow 3 1 1\nend 0\n").starts_with("line 3: accepted is `row`"));
     assert!(matches!(DynamicVisibilityGraph::load("far-graph 1\nend 0\n".as_bytes()), Ok(_)));

@@ -25,6 +25,7 @@ pub mod node;
 
 mod contour;
 mod edges;
+mod gap;
 mod matching;
 mod memory;
 mod trajectory;
@@ -166,10 +167,8 @@ impl DynamicVisibilityGraph {
         let slack = self.config.angle_noise_rad.sin();
         let mut near = Vec::new();
         while let Some((cells, floor_m, first)) = self.freed.pop_front() {
-            let middle = Point2::new(
-                0.5 * (cells.low[0] + cells.high[0]) as f64,
-                0.5 * (cells.low[1] + cells.high[1]) as f64,
-            );
+            let middle =
+                Point2::new(0.5 * (cells.low[0] + cells.high[0]) as f64, 0.5 * (cells.low[1] + cells.high[1]) as f64);
             self.nodes_near(&middle, range, floor_m, &mut near);
             for (k, &slot) in near.iter().enumerate().filter(|(_, slot)| **slot >= first) {
                 if self.edges.tested >= self.config.pairs_per_cycle {
@@ -318,7 +317,10 @@ impl DynamicVisibilityGraph {
             let Some(node) = node else { continue };
             for link in &node.links {
                 let pair = &self.edges.pairs[link.pair as usize];
-                assert!([(slot as u32, link.to), (link.to, slot as u32)].contains(&(pair.a, pair.b)), "a link of another pair");
+                assert!(
+                    [(slot as u32, link.to), (link.to, slot as u32)].contains(&(pair.a, pair.b)),
+                    "a link of another pair"
+                );
                 let other = self.node(link.to).expect("a link to a node that is gone");
                 assert_eq!(other.links.iter().filter(|l| l.pair == link.pair).count(), 1, "a link from one side only");
                 assert!(((other.vertex.at - node.vertex.at).norm() - pair.length).abs() < 1e-9, "a length of the past");

@@ -132,7 +132,10 @@ impl VisibilityGraph {
                 let (from, to) = (self.vertices[a], self.vertices[b]);
                 let across = to.at - from.at;
                 let length = across.norm();
-                if from.is_taut(&across, length, TAUT_SLACK) && to.is_taut(&across, length, TAUT_SLACK) && self.is_visible(&from.at, &to.at) {
+                if from.is_taut(&across, length, TAUT_SLACK)
+                    && to.is_taut(&across, length, TAUT_SLACK)
+                    && self.is_visible(&from.at, &to.at)
+                {
                     self.edges[a].push((b as u32, length));
                     self.edges[b].push((a as u32, length));
                 }

@@ -85,8 +85,8 @@ impl Building {
             for _ in 0..boxes {
                 let size = |random: &mut SplitMix| cell(0.3 + 0.7 * random.unit()).max(1);
                 let (w, h) = (size(&mut random), size(&mut random));
-                // Away from the walls by more than the robot needs, and from the room's middle.
-                let gap = cell(1.0) + 1;
+                // Away from the walls by a little more than the robot needs (0.8 m), and from the middle of the room.
+                let gap = cell(0.9);
                 let place = |random: &mut SplitMix, low: i64, room: i64, size: i64| {
                     low + gap + (random.unit() * (room - 2 * gap - size).max(1) as f64) as i64
                 };

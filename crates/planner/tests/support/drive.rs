@@ -1,8 +1,8 @@
 //! A point robot that patrols a building, sees, and keeps a dynamic visibility graph: for benches and figures.
 
-use nalgebra::Point2;
-use planner::ground::far::{DynamicVisibilityGraph, Update, config::FarConfig, tile::Through};
+use nalgebra::{Point2, Point3, Vector2};
 use planner::ground::far::window::Seen;
+use planner::ground::far::{DynamicVisibilityGraph, Update, config::FarConfig, tile::Through};
 
 use super::SplitMix;
 use super::building::{Belief, Building, advance, ground};
@@ -40,39 +40,69 @@ impl Patrol {
 
     /// Scans, updates, plans, drives 0.2 m. `timed` is given the update and the search.
     pub fn step<T>(&mut self, timed: &mut impl FnMut(&mut dyn FnMut()) -> T) -> (T, T, Update) {
+        self.look();
+        let window = self.belief.window(&self.at, self.side, &mut self.cells);
+        let (graph, here) = (&mut self.graph, ground(&self.at));
+        let mut update = Update::default();
+        let updating = timed(&mut || update = graph.update(&here, &window).unwrap());
+        if (self.goal - self.at).norm() < 0.5 || self.cycle.is_multiple_of(400) {
+            self.goal = self.any_room();
+        }
+        let goal = ground(&self.goal);
+        let mut route = None;
+        let searching = timed(&mut || {
+            let known = self.graph.route_through(&here, &goal, Through::Known);
+            route = known.or_else(|_| self.graph.route_through(&here, &goal, Through::Unknown)).ok();
+        });
+        match route {
+            Some(route) => {
+                let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
+                self.at = advance(&self.at, &points, 0.2);
+            }
+            None => self.goal = self.any_room(),
+        }
+        (updating, searching, update)
+    }
+
+    /// The next poses and windows, without telling the graph.
+    pub fn record(&mut self, cycles: usize) -> Vec<(Point3<f64>, [i64; 2], Vec<Seen>)> {
+        let mut poses = Vec::new();
+        for k in 0..cycles {
+            let route =
+                self.graph.route(&ground(&self.at), &ground(&self.goal)).map(|route| route.points).unwrap_or_default();
+            let points: Vec<Point2<f64>> = route.iter().map(|p| p.xy()).collect();
+            self.at = advance(&self.at, &points, 0.2);
+            if (self.goal - self.at).norm() < 0.5 || k % 50 == 49 {
+                self.goal = self.any_room();
+            }
+            self.look();
+            let mut cells = Vec::new();
+            let first_cell = self.belief.window(&self.at, self.side, &mut cells).first_cell;
+            poses.push((ground(&self.at), first_cell, cells));
+        }
+        poses
+    }
+
+    fn any_room(&mut self) -> Point2<f64> {
+        self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize]
+    }
+
+    /// Now and then moves a box; scans.
+    fn look(&mut self) {
         if self.cycle.is_multiple_of(50) {
             if let Some(old) = self.moving.take() {
                 self.building.fill(old, false);
             }
-            let room = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
+            let room = self.any_room();
             let cell = |m: f64| (m / self.building.voxel_m) as i64;
             let rect = [cell(room.x + 0.3), cell(room.y + 0.3), cell(room.x + 0.8), cell(room.y + 0.8)];
-            if self.building.distance(&(room + nalgebra::Vector2::new(0.5, 0.5)), 0.4) >= 0.4 && (room - self.at).norm() > 2.0 {
+            if self.building.distance(&(room + Vector2::new(0.5, 0.5)), 0.4) >= 0.4 && (room - self.at).norm() > 2.0 {
                 self.building.fill(rect, true);
                 self.moving = Some(rect);
             }
         }
         self.cycle += 1;
         self.belief.scan(&self.building, &self.at, 10.0, 1440);
-        let window = self.belief.window(&self.at, self.side, &mut self.cells);
-        let (graph, here) = (&mut self.graph, ground(&self.at));
-        let mut update = Update::default();
-        let updating = timed(&mut || update = graph.update(&here, &window).unwrap());
-        if (self.goal - self.at).norm() < 0.5 || self.cycle.is_multiple_of(400) {
-            self.goal = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
-        }
-        let goal = ground(&self.goal);
-        let mut route = None;
-        let searching = timed(&mut || {
-            route = self.graph.route_through(&here, &goal, Through::Known).or_else(|_| self.graph.route_through(&here, &goal, Through::Unknown)).ok();
-        });
-        if let Some(route) = route {
-            let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
-            self.at = advance(&self.at, &points, 0.2);
-        } else {
-            self.goal = self.building.rooms[(self.random.next() % self.building.rooms.len() as u64) as usize];
-        }
-        (updating, searching, update)
     }
 }
 

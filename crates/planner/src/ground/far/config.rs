@@ -99,14 +99,20 @@ impl FarConfig {
                 return Err(FarError::Setting { name, value, accepted });
             }
         }
-        for (name, value, most) in [("range_m", self.range_m, 2000.0), ("goal_adjust_radius_m", self.goal_adjust_radius_m, 100.0)] {
+        for (name, value, most) in
+            [("range_m", self.range_m, 2000.0), ("goal_adjust_radius_m", self.goal_adjust_radius_m, 100.0)]
+        {
             if value / self.voxel_m > most {
                 let accepted = if most > 100.0 { "at most 2000 times voxel_m" } else { "at most 100 times voxel_m" };
                 return Err(FarError::Setting { name, value, accepted });
             }
         }
         if self.match_m.max(self.near_m) > self.range_m {
-            return Err(FarError::Setting { name: "range_m", value: self.range_m, accepted: "at least match_m and near_m" });
+            return Err(FarError::Setting {
+                name: "range_m",
+                value: self.range_m,
+                accepted: "at least match_m and near_m",
+            });
         }
         if !CLEARANCE_CELLS.contains(&self.clearance_cells()) {
             return Err(FarError::Setting {

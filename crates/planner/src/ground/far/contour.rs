@@ -123,7 +123,8 @@ impl Contours {
         for ty in region.low[1]..region.high[1] {
             for tx in region.low[0]..region.high[0] {
                 let Some(id) = memory.tile_at((tx, ty), floor_m) else { continue };
-                let corner = ((ty - region.low[1]) as usize * SIDE + 1) * width + (tx - region.low[0]) as usize * SIDE + 1;
+                let corner =
+                    ((ty - region.low[1]) as usize * SIDE + 1) * width + (tx - region.low[0]) as usize * SIDE + 1;
                 for (j, row) in memory.tiles[id as usize].occupied.iter().enumerate() {
                     let mut bits = *row;
                     while bits != 0 {

@@ -252,8 +252,16 @@ mod tests {
 
     #[test]
     fn a_blocked_pair_is_no_way_at_once_and_returns_by_majority() {
-        let mut pair =
-            Pair { a: 0, b: 1, votes: 0b11_1111_1111, count: 10, is_clear: true, is_known: true, length: 1.0, is_voting: false };
+        let mut pair = Pair {
+            a: 0,
+            b: 1,
+            votes: 0b11_1111_1111,
+            count: 10,
+            is_clear: true,
+            is_known: true,
+            length: 1.0,
+            is_voting: false,
+        };
         assert!(pair.is_usable(Through::Known));
         pair.is_clear = false;
         pair.is_known = false;

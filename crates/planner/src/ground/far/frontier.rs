@@ -29,7 +29,8 @@ impl DynamicVisibilityGraph {
         let mut blocks: Vec<(u32, usize)> = Vec::new();
         for (id, tile) in self.memory.tiles.iter().enumerate() {
             let counted = tile.frontier.iter().enumerate();
-            blocks.extend(counted.filter(|(k, n)| **n > 0 && tile.exhausted >> k & 1 == 0).map(|(k, _)| (id as u32, k)));
+            blocks
+                .extend(counted.filter(|(k, n)| **n > 0 && tile.exhausted >> k & 1 == 0).map(|(k, _)| (id as u32, k)));
         }
         let number: FxHashMap<(u32, usize), usize> = blocks.iter().enumerate().map(|(n, block)| (*block, n)).collect();
         let mut is_taken = vec![false; blocks.len()];

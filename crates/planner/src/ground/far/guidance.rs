@@ -94,7 +94,9 @@ impl Guide {
                 {
                     return Ok(old);
                 }
-                graph.route_through(robot, &self.goal, Through::Unknown).or_else(|reason| known.or(Err(reason)))
+                let attempt = graph.route_through(robot, &self.goal, Through::Unknown);
+                attempt
+                    .or_else(|reason| known.ok().or_else(|| graph.route_through_gap(robot, &self.goal)).ok_or(reason))
             }
         }
     }

@@ -60,7 +60,9 @@ impl DynamicVisibilityGraph {
                 let distance = (node.vertex.at - at).norm();
                 let is_same_floor = (node.floor_m - here.floor_m).abs() <= self.config.same_layer_m;
                 if node.kind == kind && is_same_floor && distance < reach * score {
-                    best = Some(best.map_or((distance, slot), |b| if (distance, slot) < b { (distance, slot) } else { b }));
+                    best = Some(
+                        best.map_or((distance, slot), |b| if (distance, slot) < b { (distance, slot) } else { b }),
+                    );
                 }
             });
             partner.push(best.map(|(_, slot)| slot));
@@ -89,7 +91,8 @@ impl DynamicVisibilityGraph {
 
         for slot in near {
             let forgotten = self.nodes[slot as usize].as_mut().is_some_and(|node| {
-                node.damper = if node.is_matched { node.damper.saturating_sub(1) } else { node.damper.saturating_add(1) };
+                node.damper =
+                    if node.is_matched { node.damper.saturating_sub(1) } else { node.damper.saturating_add(1) };
                 node.damper > self.config.clear_dumper
             });
             if forgotten {

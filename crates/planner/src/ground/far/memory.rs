@@ -59,7 +59,8 @@ impl Memory {
     /// The tile of a storey at an address: the one whose floor is nearest.
     pub fn tile_at(&self, key: (i32, i32), floor_m: f64) -> Option<u32> {
         let gap = |id: u32| (self.tiles[id as usize].floor_m - floor_m).abs();
-        let nearest = self.index.get(&key)?.iter().copied().min_by(|a, b| gap(*a).total_cmp(&gap(*b)).then(a.cmp(b)))?;
+        let nearest =
+            self.index.get(&key)?.iter().copied().min_by(|a, b| gap(*a).total_cmp(&gap(*b)).then(a.cmp(b)))?;
         (gap(nearest) <= self.same_layer_m).then_some(nearest)
     }
 
@@ -291,7 +292,13 @@ impl Memory {
     }
 
     /// The free lattice point nearest to a spot, within `reach` cells of it.
-    pub fn nearest_free(&self, spot: &Spot, reach: f64, through: Through, accept: impl Fn(&Spot) -> bool) -> Option<Spot> {
+    pub fn nearest_free(
+        &self,
+        spot: &Spot,
+        reach: f64,
+        through: Through,
+        accept: impl Fn(&Spot) -> bool,
+    ) -> Option<Spot> {
         let mut best: Option<(f64, Spot)> = None;
         let low = |c: f64| (c - reach).ceil() as i64;
         let high = |c: f64| (c + reach).floor() as i64;
@@ -467,8 +474,7 @@ impl<'a> Reader<'a> {
             // The part of the segment within the radius of this row of lattice points.
             let (mut s0, mut s1) = (low, high);
             if direction.y.abs() > 1e-12 {
-                let (t0, t1) =
-                    ((j as f64 - radius - a.y) / direction.y, (j as f64 + radius - a.y) / direction.y);
+                let (t0, t1) = ((j as f64 - radius - a.y) / direction.y, (j as f64 + radius - a.y) / direction.y);
                 s0 = s0.max(t0.min(t1));
                 s1 = s1.min(t0.max(t1));
                 if s0 > s1 {

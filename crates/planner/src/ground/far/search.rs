@@ -46,7 +46,9 @@ pub enum NoRoute {
     #[error("there is no room for the robot within 0.75 m of the start")]
     StartBlocked,
     /// Nothing free within the goal's radius.
-    #[error("there is no room for the robot at the goal or near it; the nearest node that can be reached is {off_m:.1} m from it")]
+    #[error(
+        "there is no room for the robot at the goal or near it; the nearest node that can be reached is {off_m:.1} m from it"
+    )]
     GoalBlocked {
         /// A place that can be reached, the node nearest to the goal.
         nearest: Point3<f64>,
@@ -69,12 +71,30 @@ pub(crate) fn are_near(a: &Spot, b: &Spot) -> bool {
 }
 
 impl DynamicVisibilityGraph {
-    /// The shortest way through what is known to be free; failing that, an attempt through what was not seen.
+    /// The shortest way through what is known to be free; failing that, an attempt through what was not seen; failing that, a way on the
+    /// lattice of cells, for gaps that only the robot's circle fits through (milliseconds, where the others take a fraction of one).
     ///
     /// # Errors
     /// Why there is none, with the reachable node nearest to the goal.
     pub fn route(&self, start: &Point3<f64>, goal: &Point3<f64>) -> Result<FarRoute, NoRoute> {
-        self.route_through(start, goal, Through::Known).or_else(|_| self.route_through(start, goal, Through::Unknown))
+        self.route_through(start, goal, Through::Known)
+            .or_else(|_| self.route_through(start, goal, Through::Unknown))
+            .or_else(|reason| self.route_through_gap(start, goal).ok_or(reason))
+    }
+
+    /// The way on the lattice, through the known if there is one.
+    pub(super) fn route_through_gap(&self, start: &Point3<f64>, goal: &Point3<f64>) -> Option<FarRoute> {
+        let (given_start, given_goal) = (self.spot(start), self.spot(goal));
+        let is_level = (start.z - goal.z).abs() <= self.config.same_layer_m;
+        if !(is_sane(start) && is_sane(goal) && is_level && are_near(&given_start, &given_goal)) {
+            return None;
+        }
+        [Through::Known, Through::Unknown].into_iter().find_map(|through| {
+            let (from, to) = self.free_ends(&given_start, &given_goal, through).ok()?;
+            let way = self.memory.lattice_way(&from, &to, through)?;
+            let kinds = vec![None; way.len()];
+            Some(self.route_of(way, kinds, through, &given_start, &given_goal))
+        })
     }
 
     /// The shortest way of one sort. Every leg keeps the clearance from every square last seen occupied (and, through the known, from all that
@@ -82,51 +102,76 @@ impl DynamicVisibilityGraph {
     ///
     /// # Errors
     /// As [`DynamicVisibilityGraph::route`].
-    pub fn route_through(&self, start: &Point3<f64>, goal: &Point3<f64>, through: Through) -> Result<FarRoute, NoRoute> {
+    pub fn route_through(
+        &self,
+        start: &Point3<f64>,
+        goal: &Point3<f64>,
+        through: Through,
+    ) -> Result<FarRoute, NoRoute> {
         let (given_start, given_goal) = (self.spot(start), self.spot(goal));
         if !(is_sane(start) && is_sane(goal) && are_near(&given_start, &given_goal)) {
             return Err(NoRoute::NotAPlace);
         }
-        let pull = MAX_PULL_M / self.config.voxel_m;
-        let from = self.freed(&given_start, pull, through, |_| true).ok_or(NoRoute::StartBlocked)?;
-        let adjust = self.config.goal_adjust_radius_m / self.config.voxel_m;
-        let Some(to) = self.freed(&given_goal, adjust, through, |_| true) else {
-            let (nearest, off_m) = self.search(&from, None, &given_goal, through).1;
-            return Err(NoRoute::GoalBlocked { nearest, off_m });
+        let (from, to) = match self.free_ends(&given_start, &given_goal, through) {
+            Ok(ends) => ends,
+            Err(None) => return Err(NoRoute::StartBlocked),
+            Err(Some(from)) => {
+                let (nearest, off_m) = self.search(&from, None, &given_goal, through).1;
+                return Err(NoRoute::GoalBlocked { nearest, off_m });
+            }
         };
         let (found, (nearest, off_m)) = self.search(&from, Some(&to), &to, through);
         let Some(slots) = found else { return Err(NoRoute::Apart { nearest, off_m }) };
-        let mut points = vec![self.world(&from)];
+        let mut spots = vec![from];
         let mut kinds = vec![None];
         for node in slots.iter().filter_map(|slot| self.node(*slot)) {
-            points.push(self.world(&node.spot()));
+            spots.push(node.spot());
             kinds.push(Some(node.kind));
         }
-        points.push(self.world(&to));
+        spots.push(to);
         kinds.push(None);
+        Ok(self.route_of(spots, kinds, through, &given_start, &given_goal))
+    }
+
+    /// Start and goal moved into free space; the start alone if there is none for the goal, nothing if there is none for the start.
+    fn free_ends(&self, start: &Spot, goal: &Spot, through: Through) -> Result<(Spot, Spot), Option<Spot>> {
+        let from = self.freed(start, MAX_PULL_M / self.config.voxel_m, through).ok_or(None)?;
+        let to = self.freed(goal, self.config.goal_adjust_radius_m / self.config.voxel_m, through).ok_or(Some(from))?;
+        Ok((from, to))
+    }
+
+    fn route_of(
+        &self,
+        spots: Vec<Spot>,
+        kinds: Vec<Option<NodeKind>>,
+        through: Through,
+        start: &Spot,
+        goal: &Spot,
+    ) -> FarRoute {
+        let points: Vec<Point3<f64>> = spots.iter().map(|spot| self.world(spot)).collect();
         let length_m = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
-        let voxel_m = self.config.voxel_m;
-        Ok(FarRoute {
-            points,
-            kinds,
-            length_m,
-            through,
-            start_pull_m: (from.at - given_start.at).norm() * voxel_m,
-            goal_pull_m: (to.at - given_goal.at).norm() * voxel_m,
-        })
+        let off_m = |a: &Spot, b: Option<&Spot>| b.map_or(0.0, |b| (a.at - b.at).norm() * self.config.voxel_m);
+        let (start_pull_m, goal_pull_m) = (off_m(start, spots.first()), off_m(goal, spots.last()));
+        FarRoute { points, kinds, length_m, through, start_pull_m, goal_pull_m }
     }
 
     /// The spot itself if it is free, else the nearest free lattice point within reach.
-    fn freed(&self, spot: &Spot, reach: f64, through: Through, accept: impl Fn(&Spot) -> bool) -> Option<Spot> {
+    fn freed(&self, spot: &Spot, reach: f64, through: Through) -> Option<Spot> {
         match self.memory.is_free(spot, through) {
             true => Some(*spot),
-            false => self.memory.nearest_free(spot, reach, through, accept),
+            false => self.memory.nearest_free(spot, reach, through, |_| true),
         }
     }
 
     /// A* from a free spot. Slots of the nodes between start and goal if there is a way; and the reached node (or the start) nearest to
     /// `target`, with its distance in metres.
-    fn search(&self, from: &Spot, to: Option<&Spot>, target: &Spot, through: Through) -> (Option<Vec<u32>>, (Point3<f64>, f64)) {
+    fn search(
+        &self,
+        from: &Spot,
+        to: Option<&Spot>,
+        target: &Spot,
+        through: Through,
+    ) -> (Option<Vec<u32>>, (Point3<f64>, f64)) {
         let memory = &self.memory;
         let off = |spot: &Spot| (spot.at - target.at).norm();
         let mut nearest = (off(from), self.world(from));

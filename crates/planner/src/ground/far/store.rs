@@ -141,7 +141,8 @@ impl DynamicVisibilityGraph {
                     let serial: Option<u64> = rest.first().and_then(|word| word.parse().ok());
                     let least = graph.nodes.iter().flatten().map(|node| node.serial + 1).max().unwrap_or(0);
                     let serial = serial.filter(|s| *s >= least && rest.len() == 1);
-                    graph.next_serial = serial.ok_or(wrong("accepted is `end` and a serial beyond those of all nodes"))?;
+                    graph.next_serial =
+                        serial.ok_or(wrong("accepted is `end` and a serial beyond those of all nodes"))?;
                     break;
                 }
                 _ => return Err(wrong("accepted are config, tile, row, node, edge, at, end, in this order")),
@@ -175,7 +176,8 @@ impl DynamicVisibilityGraph {
     }
 
     fn read_row(&mut self, fields: &[&str]) -> Result<(), &'static str> {
-        const WANTED: &str = "accepted is `row` after a tile, its number below 64, occupied and free cells in hexadecimal, none both";
+        const WANTED: &str =
+            "accepted is `row` after a tile, its number below 64, occupied and free cells in hexadecimal, none both";
         let (Some(tile), [row, occupied, free]) = (self.memory.tiles.last_mut(), fields) else { return Err(WANTED) };
         let row: usize = row.parse().ok().filter(|row| *row < SIDE).ok_or(WANTED)?;
         let bits = |word: &str| u64::from_str_radix(word, 16).map_err(|_| WANTED);
@@ -188,8 +190,7 @@ impl DynamicVisibilityGraph {
     }
 
     fn read_node(&mut self, fields: &[&str]) -> Result<(), &'static str> {
-        const WANTED: &str =
-            "accepted is `node`, serial, convex, pillar or trajectory, seven finite numbers, three flags 0 or 1, a damper below 256";
+        const WANTED: &str = "accepted is `node`, serial, convex, pillar or trajectory, seven finite numbers, three flags 0 or 1, a damper below 256";
         let [serial, kind, x, y, floor, bx, by, ax, ay, finalized, covered, matched, damper] = fields else {
             return Err(WANTED);
         };
