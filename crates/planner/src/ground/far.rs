@@ -16,30 +16,34 @@
 pub mod config;
 pub mod frontier;
 pub mod guidance;
+pub mod node;
 pub mod search;
 pub mod store;
 pub mod tile;
+pub mod view;
 pub mod window;
 
-pub mod node;
-
+mod clear;
 mod contour;
 mod edges;
 mod gap;
 mod matching;
 mod memory;
 mod trajectory;
+mod upkeep;
 
-use nalgebra::{Point2, Point3};
+use std::collections::VecDeque;
+
+use nalgebra::Point3;
 
 use config::{FarConfig, FarError};
 use contour::{Contours, Region};
 use edges::Edges;
-use memory::{CellBox, Change, Memory, Spot};
-use node::{Node, NodeIndex, NodeKind};
-use tile::Through;
+use memory::{Change, Memory};
+use node::{Node, NodeIndex};
 use trajectory::Trajectory;
-use window::{Seen, Window, check_pose};
+use upkeep::Freed;
+use window::{Window, check_pose};
 
 /// A visibility graph that grows and changes with what the robot sees. See [`self`](self) for the way of the data.
 ///
@@ -55,9 +59,9 @@ pub struct DynamicVisibilityGraph {
     edges: Edges,
     trajectory: Trajectory,
     /// Nodes that are new or moved and have not been joined to their neighbours yet: (slot, serial).
-    pending: std::collections::VecDeque<(u32, u64)>,
-    /// Places where obstacles went, with the node from which to go on looking for pairs that they kept apart.
-    freed: std::collections::VecDeque<(CellBox, f64, u32)>,
+    pending: VecDeque<(u32, u64)>,
+    /// Places where obstacles went.
+    freed: VecDeque<Freed>,
     next_serial: u64,
     changes: Vec<Change>,
 }
@@ -100,8 +104,8 @@ impl DynamicVisibilityGraph {
             index: NodeIndex::default(),
             edges: Edges::default(),
             trajectory: Trajectory::default(),
-            pending: std::collections::VecDeque::new(),
-            freed: std::collections::VecDeque::new(),
+            pending: VecDeque::new(),
+            freed: VecDeque::new(),
             next_serial: 0,
             changes: Vec::new(),
         })
@@ -125,9 +129,9 @@ impl DynamicVisibilityGraph {
         self.edges.tested = 0;
         for change in &changes {
             self.edges.revise(&self.memory, &self.nodes, &change.changed);
-            if let Some(freed) = change.freed {
-                self.freed.push_back((freed, here.floor_m, 0));
-            }
+        }
+        for freed in changes.iter().filter_map(|change| change.freed) {
+            self.note_freed(freed, here.floor_m);
         }
         self.join_pending();
         self.join_across_freed();
@@ -142,209 +146,4 @@ impl DynamicVisibilityGraph {
         self.changes = changes;
         Ok(update)
     }
-
-    /// Joins new and moved nodes to all within range, as many as the budget of a cycle allows.
-    fn join_pending(&mut self) {
-        let range = self.config.range_m / self.config.voxel_m;
-        let slack = self.config.angle_noise_rad.sin();
-        let mut near = Vec::new();
-        while self.edges.tested < self.config.pairs_per_cycle {
-            let Some((slot, serial)) = self.pending.pop_front() else { break };
-            let Some(node) = self.node(slot).filter(|node| node.serial == serial) else { continue };
-            let (at, floor_m) = (node.vertex.at, node.floor_m);
-            self.nodes_near(&at, range, floor_m, &mut near);
-            for other in near.iter().copied().filter(|other| *other != slot) {
-                if self.node(slot).is_some_and(|node| node.links.iter().all(|link| link.to != other)) {
-                    self.edges.join(&self.memory, &mut self.nodes, slot, other, slack, range);
-                }
-            }
-        }
-    }
-
-    /// Looks for pairs that an obstacle kept apart until it went.
-    fn join_across_freed(&mut self) {
-        let range = self.config.range_m / self.config.voxel_m;
-        let slack = self.config.angle_noise_rad.sin();
-        let mut near = Vec::new();
-        while let Some((cells, floor_m, first)) = self.freed.pop_front() {
-            let middle =
-                Point2::new(0.5 * (cells.low[0] + cells.high[0]) as f64, 0.5 * (cells.low[1] + cells.high[1]) as f64);
-            self.nodes_near(&middle, range, floor_m, &mut near);
-            for (k, &slot) in near.iter().enumerate().filter(|(_, slot)| **slot >= first) {
-                if self.edges.tested >= self.config.pairs_per_cycle {
-                    self.freed.push_front((cells, floor_m, slot));
-                    return;
-                }
-                for &other in &near[k + 1..] {
-                    let (Some(a), Some(b)) = (self.node(slot), self.node(other)) else { continue };
-                    if edges::passes(&a.vertex.at, &b.vertex.at, &cells, self.memory.radius)
-                        && a.links.iter().all(|link| link.to != other)
-                    {
-                        self.edges.join(&self.memory, &mut self.nodes, slot, other, slack, range);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Nodes beside the robot count as covered.
-    fn cover(&mut self, here: &Spot) {
-        let reach = 2.0 * self.config.near_m / self.config.voxel_m;
-        let mut near = Vec::new();
-        self.nodes_near(&here.at, reach, here.floor_m, &mut near);
-        for slot in near {
-            let Some(node) = &mut self.nodes[slot as usize] else { continue };
-            let is_near = (node.vertex.at - here.at).norm() <= reach;
-            if is_near && !node.is_covered && self.memory.is_clear(here, &node.spot(), Through::Unknown) {
-                node.is_covered = true;
-            }
-        }
-    }
-
-    /// Slots of the nodes of a storey within a square of half width `reach`, ascending.
-    fn nodes_near(&self, at: &Point2<f64>, reach: f64, floor_m: f64, near: &mut Vec<u32>) {
-        near.clear();
-        let (low, high) = (Point2::new(at.x - reach, at.y - reach), Point2::new(at.x + reach, at.y + reach));
-        self.index.each_near(&low, &high, |slot| {
-            if self.node(slot).is_some_and(|node| (node.floor_m - floor_m).abs() <= self.config.same_layer_m) {
-                near.push(slot);
-            }
-        });
-        near.sort_unstable();
-    }
-
-    fn node(&self, slot: u32) -> Option<&Node> {
-        self.nodes[slot as usize].as_ref()
-    }
-
-    fn add_node(&mut self, node: Node) -> u32 {
-        let (serial, at, is_trajectory) = (node.serial, node.vertex.at, node.kind == NodeKind::Trajectory);
-        let slot = match self.spare.pop() {
-            Some(slot) => {
-                self.nodes[slot as usize] = Some(node);
-                slot
-            }
-            None => {
-                self.nodes.push(Some(node));
-                self.nodes.len() as u32 - 1
-            }
-        };
-        self.index.add(slot, &at);
-        match is_trajectory {
-            // The way back is never put off.
-            true => self.pending.push_front((slot, serial)),
-            false => self.pending.push_back((slot, serial)),
-        }
-        slot
-    }
-
-    fn cut_links(&mut self, slot: u32) {
-        while let Some(link) = self.node(slot).and_then(|node| node.links.last().copied()) {
-            self.edges.cut(&self.memory, &mut self.nodes, link.pair);
-        }
-    }
-
-    fn remove_node(&mut self, slot: u32) {
-        self.cut_links(slot);
-        if let Some(node) = self.nodes[slot as usize].take() {
-            self.index.remove(slot, &node.vertex.at);
-            self.spare.push(slot);
-        }
-    }
-
-    fn spot(&self, p: &Point3<f64>) -> Spot {
-        Spot { at: Point2::new(p.x / self.config.voxel_m, p.y / self.config.voxel_m), floor_m: p.z }
-    }
-
-    fn world(&self, spot: &Spot) -> Point3<f64> {
-        Point3::new(spot.at.x * self.config.voxel_m, spot.at.y * self.config.voxel_m, spot.floor_m)
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &FarConfig {
-        &self.config
-    }
-
-    /// What is known of the cell that holds a point of the world.
-    pub fn seen(&self, p: &Point3<f64>) -> Seen {
-        if check_pose(p).is_err() {
-            return Seen::Unknown;
-        }
-        let at = self.spot(p).at;
-        self.memory.seen([at.x.floor() as i64, at.y.floor() as i64], p.z)
-    }
-
-    /// Whether the straight way keeps the clearance from all that was seen occupied, or, through the known, from all that is not free.
-    pub fn is_clear(&self, a: &Point3<f64>, b: &Point3<f64>, through: Through) -> bool {
-        let is_sane = search::are_near(&self.spot(a), &self.spot(b)) && window::is_sane(a) && window::is_sane(b);
-        is_sane && self.memory.is_clear(&self.spot(a), &self.spot(b), through)
-    }
-
-    /// All nodes, oldest place first.
-    pub fn nodes(&self) -> impl Iterator<Item = NodeView> {
-        self.nodes.iter().flatten().map(|node| NodeView {
-            id: node.serial,
-            at: self.world(&node.spot()),
-            kind: node.kind,
-            is_finalized: node.is_finalized,
-            is_covered: node.is_covered,
-            is_frontier: self.is_frontier(node),
-        })
-    }
-
-    /// All edges a way may use, with whether all round them is known: for pictures and tests.
-    pub fn edges(&self) -> impl Iterator<Item = (Point3<f64>, Point3<f64>, Through)> {
-        let usable = self.edges.pairs.iter().filter(|pair| pair.is_usable(Through::Unknown));
-        usable.filter_map(|pair| {
-            let (a, b) = (self.node(pair.a)?, self.node(pair.b)?);
-            let through = if pair.is_known { Through::Known } else { Through::Unknown };
-            Some((self.world(&a.spot()), self.world(&b.spot()), through))
-        })
-    }
-
-    /// Polygons of the last window (obstacle on the left), in world coordinates.
-    pub fn polygons(&self) -> impl Iterator<Item = Vec<Point2<f64>>> {
-        let world = |c: &[f64; 2]| Point2::new(c[0], c[1]) * self.config.voxel_m;
-        self.contours.polygons.iter().map(move |ring| ring.iter().map(world).collect())
-    }
-
-    /// Tests the structure: every edge is where its nodes are, is listed at both, and keeps the clearance.
-    ///
-    /// # Panics
-    /// If one does not. For tests.
-    pub fn check_invariants(&self) {
-        for (slot, node) in self.nodes.iter().enumerate() {
-            let Some(node) = node else { continue };
-            for link in &node.links {
-                let pair = &self.edges.pairs[link.pair as usize];
-                assert!(
-                    [(slot as u32, link.to), (link.to, slot as u32)].contains(&(pair.a, pair.b)),
-                    "a link of another pair"
-                );
-                let other = self.node(link.to).expect("a link to a node that is gone");
-                assert_eq!(other.links.iter().filter(|l| l.pair == link.pair).count(), 1, "a link from one side only");
-                assert!(((other.vertex.at - node.vertex.at).norm() - pair.length).abs() < 1e-9, "a length of the past");
-                let test = |through| self.memory.is_clear(&node.spot(), &other.spot(), through);
-                assert_eq!(pair.is_clear, test(Through::Unknown), "an edge that was not tested again");
-                assert_eq!(pair.is_known, test(Through::Known), "a known edge that was not tested again");
-            }
-        }
-    }
-}
-
-/// A node as the outside sees it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NodeView {
-    /// Never used again for another node.
-    pub id: u64,
-    /// World x, y and the floor there.
-    pub at: Point3<f64>,
-    /// What it stands for.
-    pub kind: NodeKind,
-    /// Frozen.
-    pub is_finalized: bool,
-    /// The robot has been beside it.
-    pub is_covered: bool,
-    /// A convex node not yet covered, beside something unknown.
-    pub is_frontier: bool,
 }

@@ -14,6 +14,9 @@ pub struct Patrol {
     pub graph: DynamicVisibilityGraph,
     pub at: Point2<f64>,
     pub goal: Point2<f64>,
+    pub metres: f64,
+    /// Standard deviation of a range.
+    pub noise_m: f64,
     random: SplitMix,
     cycle: u32,
     side: usize,
@@ -29,6 +32,8 @@ impl Patrol {
             graph: DynamicVisibilityGraph::new(config).unwrap(),
             at: building.rooms[0],
             goal: building.rooms[0],
+            metres: 0.0,
+            noise_m: 0.0,
             random: SplitMix(7),
             cycle: 0,
             side,
@@ -57,7 +62,9 @@ impl Patrol {
         match route {
             Some(route) => {
                 let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
-                self.at = advance(&self.at, &points, 0.2);
+                let next = advance(&self.at, &points, 0.2);
+                self.metres += (next - self.at).norm();
+                self.at = next;
             }
             None => self.goal = self.any_room(),
         }
@@ -102,7 +109,13 @@ impl Patrol {
             }
         }
         self.cycle += 1;
-        self.belief.scan(&self.building, &self.at, 10.0, 1440);
+        let (random, noise_m) = (&mut self.random, self.noise_m);
+        let noise = || match noise_m {
+            0.0 => 0.0,
+            // A sum of twelve is nearly Gaussian; points lie a little before the surface.
+            _ => noise_m * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0) - 1.5 * noise_m,
+        };
+        self.belief.scan_with(&self.building, &self.at, 10.0, 1440, noise);
     }
 }
 

@@ -108,12 +108,12 @@ impl DynamicVisibilityGraph {
         let Some(node) = &mut self.nodes[slot as usize] else { return };
         node.is_matched = true;
         let Some(place) = node.agree(vertex, &config) else { return };
-        let (serial, floor_m) = (node.serial, node.floor_m);
+        let floor_m = node.floor_m;
         if !self.memory.is_free(&Spot { at: place.at, floor_m }, Through::Unknown) {
             return;
         }
         self.move_node(slot, place);
-        self.pending.push_back((slot, serial));
+        self.note_pending(slot);
         update.moved += 1;
     }
 

@@ -39,6 +39,8 @@ pub(crate) struct Node {
     pub is_finalized: bool,
     /// The robot has been near it.
     pub is_covered: bool,
+    /// It is new or moved and waits to be joined to its neighbours.
+    pub is_pending: bool,
     /// Cycles without a match, less those with one.
     pub damper: u8,
     /// The last matches, oldest first.
@@ -56,6 +58,7 @@ impl Node {
             is_matched: true,
             is_finalized: false,
             is_covered: kind == NodeKind::Trajectory,
+            is_pending: false,
             damper: 0,
             pool: Vec::new(),
             links: Vec::new(),

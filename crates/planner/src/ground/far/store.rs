@@ -155,6 +155,7 @@ impl DynamicVisibilityGraph {
             graph.memory.remeasure_all();
         }
         graph.pending.clear();
+        graph.nodes.iter_mut().flatten().for_each(|node| node.is_pending = false);
         Ok(graph)
     }
 
