@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Point3, Vector2};
 use planner::ground::far::window::Seen;
-use planner::ground::far::{DynamicVisibilityGraph, Update, config::FarConfig, tile::Through};
+use planner::ground::far::{DynamicVisibilityGraph, Update, config::FarConfig};
 
 use super::SplitMix;
 use super::building::{Belief, Building, advance, ground};
@@ -56,8 +56,7 @@ impl Patrol {
         let goal = ground(&self.goal);
         let mut route = None;
         let searching = timed(&mut || {
-            let known = self.graph.route_through(&here, &goal, Through::Known);
-            route = known.or_else(|_| self.graph.route_through(&here, &goal, Through::Unknown)).ok();
+            route = self.graph.route(&here, &goal).ok();
         });
         match route {
             Some(route) => {

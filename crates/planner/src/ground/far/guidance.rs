@@ -81,9 +81,9 @@ impl Guide {
     }
 
     fn plan(&mut self, graph: &DynamicVisibilityGraph, robot: &Point3<f64>) -> Result<FarRoute, NoRoute> {
-        match graph.route_through(robot, &self.goal, Through::Known) {
+        match graph.known_route(robot, &self.goal) {
             // A goal that is moved is not reached: an attempt may reach it.
-            Ok(route) if route.goal_pull_m == 0.0 => {
+            Some(route) if route.goal_pull_m == 0.0 => {
                 self.known_ago = Some(0);
                 Ok(route)
             }
@@ -95,8 +95,7 @@ impl Guide {
                     return Ok(old);
                 }
                 let attempt = graph.route_through(robot, &self.goal, Through::Unknown);
-                attempt
-                    .or_else(|reason| known.ok().or_else(|| graph.route_through_gap(robot, &self.goal)).ok_or(reason))
+                attempt.or_else(|reason| known.or_else(|| graph.route_through_gap(robot, &self.goal)).ok_or(reason))
             }
         }
     }

@@ -77,8 +77,8 @@ impl DynamicVisibilityGraph {
     /// # Errors
     /// Why there is none, with the reachable node nearest to the goal.
     pub fn route(&self, start: &Point3<f64>, goal: &Point3<f64>) -> Result<FarRoute, NoRoute> {
-        self.route_through(start, goal, Through::Known)
-            .or_else(|_| self.route_through(start, goal, Through::Unknown))
+        self.known_route(start, goal)
+            .map_or_else(|| self.route_through(start, goal, Through::Unknown), Ok)
             .or_else(|reason| self.route_through_gap(start, goal).ok_or(reason))
     }
 
@@ -95,6 +95,15 @@ impl DynamicVisibilityGraph {
             let kinds = vec![None; way.len()];
             Some(self.route_of(way, kinds, through, &given_start, &given_goal))
         })
+    }
+
+    /// The shortest way through the known, without asking why there is none.
+    pub(super) fn known_route(&self, start: &Point3<f64>, goal: &Point3<f64>) -> Option<FarRoute> {
+        let (given_start, given_goal) = (self.spot(start), self.spot(goal));
+        let is_sane = is_sane(start) && is_sane(goal) && are_near(&given_start, &given_goal);
+        let (from, to) = is_sane.then(|| self.free_ends(&given_start, &given_goal, Through::Known).ok())??;
+        let slots = self.search(&from, Some(&to), &to, Through::Known).0?;
+        Some(self.route_over(&from, &slots, &to, Through::Known, (&given_start, &given_goal)))
     }
 
     /// The shortest way of one sort. Every leg keeps the clearance from every square last seen occupied (and, through the known, from all that
@@ -122,15 +131,19 @@ impl DynamicVisibilityGraph {
         };
         let (found, (nearest, off_m)) = self.search(&from, Some(&to), &to, through);
         let Some(slots) = found else { return Err(NoRoute::Apart { nearest, off_m }) };
-        let mut spots = vec![from];
+        Ok(self.route_over(&from, &slots, &to, through, (&given_start, &given_goal)))
+    }
+
+    fn route_over(&self, from: &Spot, slots: &[u32], to: &Spot, through: Through, given: (&Spot, &Spot)) -> FarRoute {
+        let mut spots = vec![*from];
         let mut kinds = vec![None];
         for node in slots.iter().filter_map(|slot| self.node(*slot)) {
             spots.push(node.spot());
             kinds.push(Some(node.kind));
         }
-        spots.push(to);
+        spots.push(*to);
         kinds.push(None);
-        Ok(self.route_of(spots, kinds, through, &given_start, &given_goal))
+        self.route_of(spots, kinds, through, given.0, given.1)
     }
 
     /// Start and goal moved into free space; the start alone if there is none for the goal, nothing if there is none for the start.
