@@ -15,6 +15,12 @@
 //! start, goal --sight--> tangents to them --A*--> way
 //! ```
 //!
+//! Where the robot sees the map only as it goes, [`far`] keeps a graph from cycle to cycle:
+//!
+//! ```text
+//! window --memory, contour, node, edges--> dynamic graph --search, guidance--> known way or attempt, way-point
+//! ```
+//!
 //! One definition of "clear" is used throughout: the distance from the centre to every blocked *square* is at least the
 //! clearance. Vertices and edges are proposals; [`visibility`] measures each exactly, and where the graph has no way
 //! although the lattice has one (a gap that only the circle itself fits through), [`route`] takes the lattice's.

@@ -38,7 +38,8 @@
 //!   convex programs ([`fly_corridor_hard`]). Voxels ([`fly_voxels`]): A* ([`VoxelMap`]), regions of whole cubes
 //!   ([`air::region`]), corridor. Waypoints ([`fly_waypoints`]): MINCO with penalties by L-BFGS
 //!   ([`air::shape`]), asked for less until the proof holds.
-//! - Ground ([`VisibilityGraph`], [`LocalPolicy`], and for exact plans [`PolygonMap`]): see [`ground`].
+//! - Ground ([`VisibilityGraph`], [`LocalPolicy`], for exact plans [`PolygonMap`], for maps that grow and change
+//!   [`DynamicVisibilityGraph`]): see [`ground`] and [`ground::far`].
 //!
 //! # Conventions
 //! World: z up; body: x forward, y left. SI units. `None` is "no way", `Err` is "bad input". NaN is refused at the door (points of a
@@ -100,6 +101,15 @@ pub use air::{
 };
 #[cfg(feature = "ground")]
 pub use ground::{
+    far::{
+        DynamicVisibilityGraph, Update,
+        config::{FarConfig, FarError},
+        frontier::Frontier,
+        guidance::{Guidance, Guide},
+        search::{FarRoute, NoRoute},
+        tile::Through,
+        window::{Seen, Window},
+    },
     grid::{GridView, GroundError},
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},

@@ -6,8 +6,10 @@ use nalgebra::{Point2, Vector2};
 use planner::ground::far::DynamicVisibilityGraph;
 use planner::ground::far::config::FarConfig;
 use planner::ground::far::guidance::{Guidance, Guide};
+use planner::ground::far::tile::Through;
 use planner::ground::far::window::Seen;
 use support::building::{Belief, Building, advance, ground};
+use support::drive::Patrol;
 use support::{SplitMix, optimist};
 
 const VOXEL_M: f64 = 0.15;
@@ -67,8 +69,10 @@ impl Robot {
             self.look(building);
             match guide.next(&self.graph, &ground(&self.at)) {
                 Guidance::Arrived => return true,
-                Guidance::Drive { route, .. } => {
+                Guidance::Drive { route, waypoint } => {
                     stuck = 0;
+                    let is_in_sight = self.graph.is_clear(&ground(&self.at), &waypoint, route.through);
+                    assert!(is_in_sight || route.start_pull_m > 0.0, "{waypoint} is not in sight");
                     let points: Vec<Point2<f64>> = route.points.iter().map(|p| p.xy()).collect();
                     self.follow(building, &points);
                 }
@@ -111,6 +115,9 @@ fn goals_behind_the_unknown_are_reached_with_about_the_metres_an_optimist_needs(
         assert!(robot.drive(&mut building, &goal, |_, _, _| {}), "seed {seed}");
         assert!(robot.nearest_m >= CLEARANCE_M - 0.15, "seed {seed}: {} m from a wall", robot.nearest_m);
         robot.graph.check_invariants();
+        // The trajectory is a way back through what is known.
+        let back = robot.graph.route_through(&ground(&robot.at), &ground(&start), Through::Known);
+        assert!(back.unwrap().length_m <= robot.metres + 0.1);
         let optimist = optimist_metres(&building, &start, &goal);
         println!("seed {seed}: {:.1} m, an optimist on cells {optimist:.1?} m", robot.metres);
         if let Some(metres) = optimist {
@@ -258,4 +265,20 @@ fn a_noisy_scanner_neither_swells_the_graph_nor_stops_the_robot() {
         assert!(arrived && most <= 4 * clean);
     }
     robot.graph.check_invariants();
+}
+
+/// Nothing piles up: neither forgotten boxes nor the robot's own trajectory make an old map larger than a young one.
+#[test]
+fn a_map_does_not_grow_with_its_age() {
+    let mut patrol = Patrol::new(Building::of_rooms(4, 3, VOXEL_M, 4, 3, 1), SIDE);
+    let mut counts = Vec::new();
+    for _ in 0..4 {
+        for _ in 0..400 {
+            patrol.step(&mut |work| work());
+        }
+        counts.push((patrol.graph.nodes().count(), patrol.graph.edges().count()));
+    }
+    println!("{counts:?} after 400, 800, 1200, 1600 cycles, {:.0} m", patrol.metres);
+    assert!(patrol.metres > 200.0);
+    assert!(counts[3].0 as f64 <= 1.15 * counts[1].0 as f64, "{counts:?}");
 }

@@ -386,3 +386,29 @@ fn damage_of_a_file_is_named_by_its_line() {
     assert!(matches!(DynamicVisibilityGraph::load("far-graph 1\nend 0\n".as_bytes()), Ok(_)));
     assert!(matches!(DynamicVisibilityGraph::load(&[0xff; 1000][..]), Err(FarLoadError::Line { line: 1, .. })));
 }
+
+/// The largest windows there are, of noise and of the worst patterns: a second or two, not a hang, and what is too much is counted.
+#[test]
+fn the_worst_windows_are_worked_off() {
+    let side = 1000;
+    let mut random = SplitMix(3);
+    let mut cell = |pattern: usize, x: usize, y: usize| match pattern {
+        0 => random.unit() < 0.5,
+        1 => (x + y).is_multiple_of(2),
+        // Small closed rooms with something in each.
+        2 => x.is_multiple_of(8) || y.is_multiple_of(8) || (x % 8 == 4 && y % 8 == 4),
+        // Pillars with just enough room between them.
+        _ => x.is_multiple_of(9) && y.is_multiple_of(9),
+    };
+    for pattern in 0..4 {
+        let seen: Vec<Seen> = (0..side * side)
+            .map(|k| if cell(pattern, k % side, k / side) { Seen::Occupied } else { Seen::Free })
+            .collect();
+        let mut graph = graph();
+        let window = Window { first_cell: [-500, -500], width: side, height: side, seen: &seen };
+        let start = std::time::Instant::now();
+        let update = graph.update(&Point3::new(0.1, 0.1, 0.0), &window).unwrap();
+        println!("pattern {pattern}: {:?}, {update:?}", start.elapsed());
+        assert!(update.local_vertices <= 4096 && (pattern < 3 || update.left_out > 0));
+    }
+}

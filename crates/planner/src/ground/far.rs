@@ -9,6 +9,28 @@
 //!         --guidance->  which of both, when to change one's mind, the way-point for the local policy
 //! ```
 //!
+//! # Example
+//! ```
+//! use nalgebra::Point3;
+//! use planner::{DynamicVisibilityGraph, FarConfig, Seen, Through, Window};
+//!
+//! // 9 x 9 m round the robot in cells of 15 cm: free but for a wall ahead; what is behind the wall is not seen.
+//! let cell = |k: usize| match (k % 61, k / 61) {
+//!     (40, 10..50) => Seen::Occupied,
+//!     (41.., 10..50) => Seen::Unknown,
+//!     _ => Seen::Free,
+//! };
+//! let seen: Vec<Seen> = (0..61 * 61).map(cell).collect();
+//! let mut graph = DynamicVisibilityGraph::new(FarConfig::default())?;
+//! let robot = Point3::new(0.0, 0.0, 0.0);
+//! let update = graph.update(&robot, &Window { first_cell: [-30, -30], width: 61, height: 61, seen: &seen })?;
+//! assert!(update.changed_cells > 2000);
+//! // Behind the wall: an attempt round its end.
+//! let route = graph.route(&robot, &Point3::new(3.0, 0.0, 0.0)).expect("nothing known forbids it");
+//! assert!(route.through == Through::Unknown && route.length_m > 6.0);
+//! # Ok::<(), planner::FarError>(())
+//! ```
+//!
 //! The cells have the last word. A node is a place where the robot fits beside an obstacle, not the obstacle's corner; an edge is used only
 //! while its segment keeps `clearance_m` from every square that was last seen occupied, near the robot or far behind it; votes decide only
 //! whether what came back is trusted again. Work per cycle goes with what changed and what is near, not with the age or size of the map.

@@ -8,7 +8,7 @@ pub struct FarConfig {
     /// Distance in m that every way keeps from every occupied square: FAR's `robot_dim / 2`, but exact. 0.4. At least two cells, at most
     /// twelve.
     pub clearance_m: f64,
-    /// Distance in m that counts as "here" (`robot_dim`): trajectory nodes closer than this are one. 0.8.
+    /// Size of the robot in m, the step of way-points and half the reach in which nodes count as covered (`robot_dim`). 0.8.
     pub near_m: f64,
     /// A vertex of this cycle is looked for among the nodes within this distance in m. 0.6: a vertex stands beside the obstacle and not
     /// on it, and a corner has two, so it is less than FAR's `2 robot_dim + voxel_dim`.
@@ -32,7 +32,7 @@ pub struct FarConfig {
     pub accept_align_rad: f64,
     /// Rings no longer than this in m are pillars: their box is taken for them (`pillar_perimeter`). 2.
     pub pillar_perimeter_m: f64,
-    /// A trajectory node is dropped at the latest so far in m from the last one (`local_planner_range`). 5.
+    /// How far in m the local planner looks: how far way-points and trajectory nodes are ahead and behind (`local_planner_range`). 5.
     pub local_planner_range_m: f64,
     /// A goal that is not free may be moved this far in m (`goal_adjust_radius`). 2.
     pub goal_adjust_radius_m: f64,

@@ -141,26 +141,24 @@ impl Contours {
 /// FAR's topology filter: free space that obstacles enclose and the robot is not in goes, with all that stands in it. Holes
 /// narrower than `least` cells go at once: nothing fits into them.
 fn drop_unreachable(rings: &mut Vec<Vec<Corner>>, robot: &Point2<f64>, least: f64) {
-    let enclosed: Vec<(usize, [i32; 4])> = (0..rings.len())
-        .filter(|&k| area2(&rings[k]) < 0)
-        .map(|k| (k, extent(&rings[k])))
-        .filter(|(k, e)| {
-            let is_narrow = f64::from(e[2] - e[0]) < least || f64::from(e[3] - e[1]) < least;
-            is_narrow || !is_inside(&rings[*k], robot)
-        })
-        .collect();
     let mut keep = vec![true; rings.len()];
-    for (k, _) in &enclosed {
-        keep[*k] = false;
+    let mut closed: Vec<(usize, [i32; 4])> = Vec::new();
+    for (k, ring) in rings.iter().enumerate().filter(|(_, ring)| area2(ring) < 0) {
+        let e = extent(ring);
+        let is_narrow = f64::from(e[2] - e[0]) < least || f64::from(e[3] - e[1]) < least;
+        keep[k] = !is_narrow && is_inside(ring, robot);
+        if !(is_narrow || keep[k]) {
+            closed.push((k, e));
+        }
     }
-    for (k, ring) in rings.iter().enumerate().filter(|(k, _)| keep[*k]).map(|(k, r)| (k, r)).collect::<Vec<_>>() {
-        let corner = ring[0];
+    for k in 0..rings.len() {
+        let corner = rings[k][0];
         let p = Point2::new(f64::from(corner.x), f64::from(corner.y) + 0.5);
         let is_nested = |(hole, e): &(usize, [i32; 4])| {
             let within = corner.x > e[0] && corner.x < e[2] && corner.y > e[1] && corner.y < e[3];
-            within && area2(ring) > 0 && is_inside(&rings[*hole], &p)
+            *hole != k && within && is_inside(&rings[*hole], &p)
         };
-        keep[k] = !enclosed.iter().any(is_nested);
+        keep[k] = keep[k] && !closed.iter().any(is_nested);
     }
     let mut kept = keep.into_iter();
     rings.retain(|_| kept.next().unwrap_or(true));

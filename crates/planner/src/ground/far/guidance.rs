@@ -127,6 +127,9 @@ fn turns_back(fresh: &FarRoute, old: &FarRoute, robot: &Point3<f64>) -> bool {
 fn waypoint(graph: &DynamicVisibilityGraph, route: &FarRoute, robot: &Point3<f64>) -> Point3<f64> {
     let last = route.points.len() - 1;
     let ahead = (1..last).find(|&k| (route.points[k] - robot).norm() > CONVERGE_M).unwrap_or(last);
+    // A bend that is nearly reached may still stand before the next.
+    let is_in_sight = |k: &usize| graph.is_clear(robot, &route.points[*k], route.through);
+    let ahead = (1..=ahead).rev().find(is_in_sight).unwrap_or(1);
     let point = route.points[ahead];
     let leg = point - robot;
     let length = leg.norm();

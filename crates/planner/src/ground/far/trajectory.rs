@@ -1,7 +1,8 @@
 //! Trajectory nodes: where the robot has been, in sight of each other through known free space. They guarantee a way back.
 //!
-//! A node is dropped at the last place from which the one before it was in sight, when it goes out of sight or is further than
-//! `local_planner_range_m`. Where the robot comes by again the old node serves, so that they do not grow in number with time.
+//! When the last one goes out of sight or is further than `local_planner_range_m`, another that is in sight takes its place, for it has
+//! its own way back; only if there is none, a node is dropped at the last place from which the old one was in sight. So the robot always
+//! sees one of them, and where it has been before it drops none: their number goes with the area and not with time.
 
 use nalgebra::Vector2;
 
@@ -29,47 +30,47 @@ impl DynamicVisibilityGraph {
         let Some(here) = at else { return };
         let last = self.trajectory.last.filter(|(slot, serial)| self.node(*slot).is_some_and(|n| n.serial == *serial));
         let Some((slot, _)) = last else {
-            self.trajectory.last = Some(self.trajectory_node(&here));
+            let seen = self.trajectory_node_seen_from(&here);
+            self.trajectory.last = Some(seen.unwrap_or_else(|| self.add_trajectory_node(&here)));
             self.trajectory.previous = Some(here);
             return;
         };
-        let range = self.config.local_planner_range_m / self.config.voxel_m;
-        let is_in_sight = |from: &Spot| {
-            self.node(slot).is_some_and(|node| {
-                (node.vertex.at - from.at).norm() <= range && self.memory.is_clear(from, &node.spot(), Through::Known)
-            })
-        };
-        if !is_in_sight(&here) {
-            if let Some(previous) = self.trajectory.previous.filter(is_in_sight) {
-                self.trajectory.last = Some(self.trajectory_node(&previous));
-            }
-            let is_seen = self.trajectory.last.and_then(|(slot, _)| self.node(slot)).is_some_and(|node| {
-                (node.vertex.at - here.at).norm() <= range && self.memory.is_clear(&here, &node.spot(), Through::Known)
-            });
-            if !is_seen {
-                self.trajectory.last = Some(self.trajectory_node(&here));
-            }
+        if !self.is_in_sight(slot, &here) {
+            let previous = self.trajectory.previous.filter(|previous| self.is_in_sight(slot, previous));
+            let old = self.trajectory_node_seen_from(&here);
+            self.trajectory.last = match (old, previous) {
+                (Some(old), _) => Some(old),
+                (None, Some(previous)) => {
+                    let dropped = self.add_trajectory_node(&previous);
+                    // After a jump not even that one is in sight.
+                    Some(if self.is_in_sight(dropped.0, &here) { dropped } else { self.add_trajectory_node(&here) })
+                }
+                (None, None) => Some(self.add_trajectory_node(&here)),
+            };
         }
         self.trajectory.previous = Some(here);
     }
 
-    /// The trajectory node beside a place, or a new one. It must see the last one if the place does: only then an old one serves.
-    fn trajectory_node(&mut self, spot: &Spot) -> (u32, u64) {
-        let near = self.config.near_m / self.config.voxel_m;
-        let from = self.trajectory.last.and_then(|(slot, _)| self.node(slot)).map(Node::spot);
-        let mut slots = Vec::new();
-        self.nodes_near(&spot.at, near, spot.floor_m, &mut slots);
-        let serves = |node: &Node| {
-            let sees = |a: &Spot| self.memory.is_clear(a, &node.spot(), Through::Known);
-            node.kind == NodeKind::Trajectory
-                && (node.vertex.at - spot.at).norm() <= near
-                && sees(spot)
-                && from.is_none_or(|from| from.at == node.vertex.at || sees(&from))
-        };
-        let old = slots.into_iter().find(|slot| self.node(*slot).is_some_and(serves));
-        if let Some((slot, node)) = old.and_then(|slot| Some((slot, self.node(slot)?))) {
-            return (slot, node.serial);
-        }
+    /// Whether a node is within the local range of a place and in sight through the known.
+    fn is_in_sight(&self, slot: u32, from: &Spot) -> bool {
+        let range = self.config.local_planner_range_m / self.config.voxel_m;
+        self.node(slot).is_some_and(|node| {
+            (node.vertex.at - from.at).norm() <= range && self.memory.is_clear(from, &node.spot(), Through::Known)
+        })
+    }
+
+    /// The nearest trajectory node in sight.
+    fn trajectory_node_seen_from(&self, here: &Spot) -> Option<(u32, u64)> {
+        let mut near = Vec::new();
+        self.nodes_near(&here.at, self.config.local_planner_range_m / self.config.voxel_m, here.floor_m, &mut near);
+        let off = |slot: u32| self.node(slot).map_or(f64::INFINITY, |node| (node.vertex.at - here.at).norm());
+        near.retain(|slot| self.node(*slot).is_some_and(|node| node.kind == NodeKind::Trajectory));
+        near.sort_by(|a, b| off(*a).total_cmp(&off(*b)));
+        let slot = near.into_iter().find(|slot| self.is_in_sight(*slot, here))?;
+        self.node(slot).map(|node| (slot, node.serial))
+    }
+
+    fn add_trajectory_node(&mut self, spot: &Spot) -> (u32, u64) {
         let vertex = Vertex { at: spot.at, before: Vector2::zeros(), after: Vector2::zeros() };
         let serial = self.next_serial;
         self.next_serial += 1;
