@@ -13,7 +13,6 @@ pub mod cli;
 pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
-pub mod floor;
 pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;

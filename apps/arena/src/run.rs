@@ -319,7 +319,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
             // Whoever starts at a right place has driven no detour.
-            if shortest_m < crate::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
+            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
         }
         _ => 0.0,
     };
