@@ -168,8 +168,6 @@ pub struct WalkSession {
     /// Whether anything was ever asked of the robot.
     has_asked: bool,
     state: Option<WalkerState>,
-    /// The robot's own stamp of that state.
-    robot_stamp: (i32, u32),
     bad_payloads: u64,
     wanted: Option<(i64, Velocity)>,
     next_move_ns: i64,
@@ -210,7 +208,6 @@ impl WalkSession {
             fault: None,
             has_asked: false,
             state: None,
-            robot_stamp: (0, 0),
             bad_payloads: 0,
             wanted: None,
             next_move_ns: i64::MIN,
@@ -224,16 +221,15 @@ impl WalkSession {
     /// the last, or an older one, is no news: a robot that repeats itself is silent.
     pub fn receive_state(&mut self, now_ns: i64, payload: &[u8]) {
         let message = SportModeState::from_cdr(payload).ok();
-        let Some((message, state)) = message.and_then(|m| WalkerState::of(now_ns, &m).map(|state| (m, state))) else {
+        let Some(state) = message.and_then(|message| WalkerState::of(now_ns, &message)) else {
             self.bad_payloads += 1;
             return;
         };
-        let stamp = (message.stamp_s, message.stamp_ns);
         // Without stamps every state is news.
-        if self.state.is_some() && stamp != (0, 0) && stamp <= self.robot_stamp {
+        let last_ns = self.state.and_then(|last| last.robot_ns);
+        if state.robot_ns.is_some() && state.robot_ns <= last_ns {
             return;
         }
-        self.robot_stamp = stamp;
         let before = self.state.replace(state);
         self.progress.see(&state);
         if matches!(self.stage, Stage::Waiting) {

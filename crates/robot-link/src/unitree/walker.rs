@@ -48,6 +48,8 @@ impl fmt::Display for SportMode {
 pub struct WalkerState {
     /// When it arrived, on our clock.
     pub stamp_ns: i64,
+    /// The robot's own stamp, on its clock; `None` if it keeps none.
+    pub robot_ns: Option<i64>,
     /// Where it says it is, FLU body.
     pub world_from_body: Isometry3<f64>,
     /// Velocity.
@@ -76,8 +78,10 @@ impl WalkerState {
         if !finite || (attitude.norm() - 1.0).abs() > UNIT_TOL {
             return None;
         }
+        let stamp = (message.stamp_s, message.stamp_ns);
         Some(WalkerState {
             stamp_ns,
+            robot_ns: (stamp != (0, 0)).then(|| i64::from(stamp.0) * 1_000_000_000 + i64::from(stamp.1)),
             world_from_body: Isometry3::from_parts(position.into(), UnitQuaternion::from_quaternion(attitude)),
             velocity_in_world_mps,
             yaw_rate_radps: numbers[0],
