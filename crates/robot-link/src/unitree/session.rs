@@ -383,7 +383,7 @@ impl WalkSession {
             Step::StandUp => is_up(&state, config) && is_still(&state),
             Step::BalanceStand => is_up(&state, config) && state.mode != SportMode::LOCKED,
             Step::StopMove => is_still(&state),
-            Step::StandDown => state.body_height_m < config.standing_m || state.mode == SportMode::LYING,
+            Step::StandDown => state.body_height_m < config.standing_m && is_still(&state),
             Step::Move => true,
         };
         let since_ns = doing.shown_since_ns.filter(|_| is_shown).or(is_shown.then_some(now_ns));
