@@ -216,11 +216,12 @@ fn an_operator_keeps_the_robot() {
 
 #[test]
 fn lies_end_the_walk() {
-    let spoil: [(fn(&mut ModelDog), fn(&Fault) -> bool); 2] = [
+    type Lie = (fn(&mut ModelDog), fn(&Fault) -> bool);
+    let lies: [Lie; 2] = [
         (|dog| dog.position[0] += 5.0, |fault| matches!(fault, Fault::Jumped { jump_m } if *jump_m > 4.0)),
         (|dog| dog.position[0] = f64::NAN, |fault| matches!(fault, Fault::LinkLost { .. })),
     ];
-    for (spoil, is_it) in spoil {
+    for (spoil, is_it) in lies {
         let mut walk = Walk::walking();
         spoil(&mut walk.dog);
         walk.go_on(2.0);
