@@ -8,11 +8,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use mission::robot_model::{RobotKind, RobotModel};
 use mission::stage_clock::CpuScope;
 use nalgebra::{Isometry3, Point2};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
@@ -21,12 +21,11 @@ use crate::map_score::room_ids::room_round;
 use crate::map_score::{MapScore, Witness, known_places, map_score};
 use crate::progress::ProgressView;
 use crate::record_truth::write_building;
-use crate::referee::Referee;
 use crate::run::{Frame, RunConfig};
 use crate::run_folder::RunFolder;
-use crate::scenario::{Scene, draw_start, robot_truth};
+use crate::scenario::Scene;
 use crate::survey::{Moment, survey};
-use crate::tour::Tour;
+use crate::toured_scene::TouredScene;
 use crate::workers::on_each_core;
 
 /// The result, as `--json` prints it.
@@ -93,27 +92,9 @@ pub fn bench_map(
     Ok(BenchMap { robot: word(kind).to_owned(), seed, scenes, pooled })
 }
 
-/// The building of an index, where the robot starts in it, and the seed of the noise.
-fn draw_scene(
-    seed: u64,
-    index: usize,
-    robot: &RobotModel,
-    config: &RunConfig,
-) -> Result<(Scene, Isometry3<f64>, Tour, u64)> {
-    const BUILDINGS: usize = 30;
+fn draw_scene(seed: u64, index: usize, robot: &RobotModel, config: &RunConfig) -> Result<TouredScene> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (0x004D_6170 + index as u64));
-    let body = robot_truth(robot, config.mission.flight_height_m);
-    for _ in 0..BUILDINGS {
-        let scene = Scene::drawn(rng.random::<u32>().into(), robot)?;
-        let run_seed = rng.random::<u32>().into();
-        let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
-        let Ok(start) = draw_start(&referee, robot, run_seed) else { continue };
-        let at = Point2::from(start.translation.vector.xy());
-        let Some(tour) = Tour::plan(referee.floor(), &scene.building, body.radius_m, &at) else { continue };
-        drop(referee);
-        return Ok((scene, start, tour, run_seed));
-    }
-    bail!("this robot fits into none of {BUILDINGS} buildings")
+    TouredScene::draw(&mut rng, robot, config, &|seed| Scene::drawn(seed, robot))
 }
 
 fn one_scene(
@@ -126,7 +107,7 @@ fn one_scene(
 ) -> Result<SceneScore> {
     // Refused before the robot has moved.
     let folder = folder.map(|folder| RunFolder::marked(folder, MARK, "folder of a survey")).transpose()?;
-    let (scene, start, tour, run_seed) = draw_scene(seed, index, robot, config)?;
+    let TouredScene { scene, start, tour, run_seed } = draw_scene(seed, index, robot, config)?;
     let building = &scene.building;
     let radius_m = robot.circumscribed_radius_m;
     let floor_z_m = start.translation.vector.z - robot.stance_height_m;
@@ -218,8 +199,8 @@ mod tests {
     fn the_same_seed_draws_the_same_building_and_another_one_another() {
         let robot = RobotModel::builtin_quadruped();
         let drawn = |seed, index| {
-            let (scene, start, tour, noise) = draw_scene(seed, index, &robot, &RunConfig::default()).unwrap();
-            (scene.name, start, tour.way, noise)
+            let drawn = draw_scene(seed, index, &robot, &RunConfig::default()).unwrap();
+            (drawn.scene.name, drawn.start, drawn.tour.way, drawn.run_seed)
         };
         assert_eq!(drawn(1, 0), drawn(1, 0));
         assert_ne!(drawn(1, 0).0, drawn(1, 1).0);

@@ -1,19 +1,18 @@
 //! A laboratory as a robot knows it after a survey, beside the truth: what descriptions of things are made from, and what they are
 //! checked against (the paper's Table I).
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use mission::dsg::SceneGraph;
 use mission::robot_model::RobotModel;
-use nalgebra::{Isometry3, Point2};
+use nalgebra::Isometry3;
 use omni_sim::building::Building;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::referee::Referee;
 use crate::run::RunConfig;
-use crate::scenario::{Scene, draw_start, robot_truth};
+use crate::scenario::Scene;
 use crate::survey::{Moment, survey};
-use crate::tour::Tour;
+use crate::toured_scene::TouredScene;
 
 /// Both sides.
 pub struct SurveyedLab {
@@ -30,26 +29,16 @@ pub struct SurveyedLab {
 /// # Errors
 /// If the robot fits into none of the buildings drawn, or the survey fails.
 pub fn survey_lab(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<SurveyedLab> {
-    const BUILDINGS: usize = 30;
-    let body = robot_truth(robot, config.mission.flight_height_m);
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x004C_6162);
-    for _ in 0..BUILDINGS {
-        let scene = Scene::lab(rng.random::<u32>().into(), robot)?;
-        let run_seed = rng.random::<u32>().into();
-        let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
-        let Ok(start) = draw_start(&referee, robot, run_seed) else { continue };
-        let at = Point2::from(start.translation.vector.xy());
-        let Some(tour) = Tour::plan(referee.floor(), &scene.building, body.radius_m, &at) else { continue };
-        drop(referee);
-        let floor_z_m = start.translation.vector.z - robot.stance_height_m;
-        let mut truth_from_map = Isometry3::identity();
-        let surveyed = survey(config, robot, &scene, &start, &tour, floor_z_m, run_seed, &mut |_, moment| {
-            if let Moment::Refreshed { truth_from_map: last, .. } = moment {
-                truth_from_map = last;
-            }
-        })
-        .with_context(|| format!("surveying the laboratory of seed {seed}"))?;
-        return Ok(SurveyedLab { building: scene.building, graph: surveyed.world.graph, truth_from_map });
-    }
-    bail!("this robot fits into none of {BUILDINGS} laboratories")
+    let TouredScene { scene, start, tour, run_seed } =
+        TouredScene::draw(&mut rng, robot, config, &|seed| Scene::lab(seed, robot))?;
+    let floor_z_m = start.translation.vector.z - robot.stance_height_m;
+    let mut truth_from_map = Isometry3::identity();
+    let surveyed = survey(config, robot, &scene, &start, &tour, floor_z_m, run_seed, &mut |_, moment| {
+        if let Moment::Refreshed { truth_from_map: last, .. } = moment {
+            truth_from_map = last;
+        }
+    })
+    .with_context(|| format!("surveying the laboratory of seed {seed}"))?;
+    Ok(SurveyedLab { building: scene.building, graph: surveyed.world.graph, truth_from_map })
 }

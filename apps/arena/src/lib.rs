@@ -37,6 +37,7 @@ pub mod surround;
 pub mod survey;
 pub mod task;
 pub mod tour;
+pub mod toured_scene;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
 pub mod vehicle;

@@ -53,7 +53,8 @@ impl Body {
     /// Why it cannot, for people.
     pub fn begin(&mut self, world: &WorldModel) -> Result<(), &'static str> {
         let (Body::Air(fly), Some(odometry)) = (self, &world.odometry) else { return Ok(()) };
-        with_air(world, |air| fly.take_off(&odometry.world_from_body, air))
+        let map_from_odometry = world.frame().map_from_odometry;
+        with_air(world, |air| fly.take_off(&odometry.world_from_body, &map_from_odometry, air))
     }
 
     /// What the battery makes it do, whatever its goal was.

@@ -115,7 +115,7 @@ pub struct WorldModel {
     pub graph: SceneGraph,
     /// Rooms as cut from the last slice.
     pub rooms: Option<RoomMap>,
-    /// The slice they were cut from.
+    /// The slice they were cut from, as it was seen.
     pub slice: OccupancyGrid,
     /// Where the camera has looked.
     pub coverage: Coverage,
@@ -334,9 +334,8 @@ impl WorldModel {
         self.steepest_rise = self.steepest_rise.max(f64::from(up));
     }
 
-    /// The slice of the rooms; what is over the robot's head at the first time stays open until it is seen.
+    /// The slice for rooms; what is over the robot's head at the first time stays open until it is seen.
     fn room_slice(&mut self) -> OccupancyGrid {
-        let mut slice = self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None);
         let spot = self.blind_spot.get_or_insert_with(|| {
             const CELL_M: f64 = 0.1;
             const MOST_BLIND_M: f64 = 1.5;
@@ -344,8 +343,9 @@ impl WorldModel {
             let over_m = self.floor_m + ROOM_SLICE_M.1 - eye.z;
             let reach_m = (over_m / self.steepest_rise.max(1e-3) + CELL_M).min(MOST_BLIND_M);
             let at_eye = self.volume.slice(eye.z - CELL_M, eye.z + CELL_M, None);
-            BlindSpot::new(&slice, &at_eye, &eye.xy(), reach_m)
+            BlindSpot::new(&self.slice, &at_eye, &eye.xy(), reach_m)
         });
+        let mut slice = self.slice.clone();
         spot.fill(&mut slice);
         slice
     }
@@ -451,7 +451,8 @@ impl WorldModel {
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
         let events = clock.time("places", || self.places.update(&self.field));
-        self.slice = clock.time("slice", || self.room_slice());
+        self.slice = clock
+            .time("slice", || self.volume.slice(self.floor_m + ROOM_SLICE_M.0, self.floor_m + ROOM_SLICE_M.1, None));
         clock.time("navigation", || {
             self.navigation.refresh(
                 &self.volume,
@@ -464,11 +465,12 @@ impl WorldModel {
         });
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));
         self.rooms = clock.time("rooms", || {
+            let slice = self.room_slice();
             let config = &self.config.rooms;
             let above = self.volume.slice(self.floor_m + LINTEL_SLICE_M.0, self.floor_m + LINTEL_SLICE_M.1, None);
             match &self.rooms {
-                Some(before) => before.next(&self.slice, Some(&above), config).ok(),
-                None => RoomMap::new(&self.slice, Some(&above), config).ok(),
+                Some(before) => before.next(&slice, Some(&above), config).ok(),
+                None => RoomMap::new(&slice, Some(&above), config).ok(),
             }
         });
         clock.time("graph", || {

@@ -83,8 +83,14 @@ struct Flight {
 impl Flight {
     /// In the air, two metres from the corner.
     fn new() -> Flight {
+        Flight::within(None, &Isometry3::identity())
+    }
+
+    /// Off the floor, with a fence in the frame of the odometry.
+    fn within(fence: Option<Geofence>, map_from_odometry: &Isometry3<f64>) -> Flight {
         let robot = RobotModel::builtin_quadrotor();
-        let fly = Fly::new(&robot, FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
+        let mut fly = Fly::new(&robot, FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
+        fly.limit(MARGIN_M, fence, None);
         let at = Point3::new(2.0, 2.0, LANDED_Z_M);
         let radius_m = robot.circumscribed_radius_m;
         let mut flight = Flight {
@@ -103,7 +109,7 @@ impl Flight {
             charge: 1.0,
         };
         let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &[] };
-        flight.fly.take_off(&Isometry3::translation(at.x, at.y, at.z), &air).unwrap();
+        flight.fly.take_off(&Isometry3::translation(at.x, at.y, at.z), map_from_odometry, &air).unwrap();
         flight.go(5.0);
         assert_eq!(flight.fly.phase(), Phase::Flying);
         flight
@@ -305,9 +311,12 @@ fn with_no_charge_for_the_way_back_it_lands_where_it_is() {
 
 #[test]
 fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
-    let mut flight = Flight::new();
+    // The map is turned to the walls; the fence was given in the frame of the odometry.
+    let map_from_odometry = Isometry3::new(Vector3::new(0.4, -0.3, 0.0), Vector3::z() * 0.6);
     let corners = [[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]].map(|c| Point2::new(c[0], c[1]));
-    flight.fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    let in_map = Geofence::new(&corners, 0.0, 2.0).unwrap();
+    let fence = in_map.transformed(&map_from_odometry.inverse());
+    let mut flight = Flight::within(Some(fence.clone()), &map_from_odometry);
     flight.set_goal(Some(Point2::new(7.0, 2.0)));
     flight.go(6.0);
     assert_eq!(*flight.fly.status(), GoalStatus::Failed("it would be outside the fence"));
@@ -317,9 +326,9 @@ fn what_lies_outside_the_fence_is_refused_and_never_flown_over() {
     assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
     // Who stands outside does not take off.
     let mut fly = Fly::new(&RobotModel::builtin_quadrotor(), FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
-    fly.limit(MARGIN_M, Some(Geofence::new(&corners, 0.0, 2.0).unwrap()), None);
+    fly.limit(MARGIN_M, Some(fence), None);
     let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &[] };
-    let refused = fly.take_off(&Isometry3::translation(6.0, 3.0, LANDED_Z_M), &air);
+    let refused = fly.take_off(&Isometry3::translation(6.0, 3.0, LANDED_Z_M), &map_from_odometry, &air);
     assert_eq!(refused, Err("the place above it is outside the fence"));
     assert_eq!(fly.phase(), Phase::Grounded);
 }
@@ -362,14 +371,15 @@ fn it_does_not_take_off_under_something_and_lands_beside_what_is_below() {
     let robot = RobotModel::builtin_quadrotor();
     let new = || Fly::new(&robot, FLIGHT_Z_M, LANDED_Z_M, PERIOD_S, 3);
     let mut fly = new();
-    let refused = fly.take_off(&Isometry3::translation(3.6, 1.6, LANDED_Z_M), &air);
+    let still = Isometry3::identity();
+    let refused = fly.take_off(&Isometry3::translation(3.6, 1.6, LANDED_Z_M), &still, &air);
     assert_eq!(refused, Err("there is no room to fly above where it stands"));
     assert_eq!(fly.phase(), Phase::Grounded);
 
     // Beside it, over it, and down: not onto the table.
     let mut fly = new();
     let mut at = Point3::new(2.0, 1.6, LANDED_Z_M);
-    fly.take_off(&Isometry3::translation(at.x, at.y, at.z), &air).unwrap();
+    fly.take_off(&Isometry3::translation(at.x, at.y, at.z), &still, &air).unwrap();
     let mut go = |fly: &mut Fly, seconds: f64, target: Option<Point2<f64>>| {
         for step in 0..(seconds / PERIOD_S) as usize {
             if step % 25 == 0 {

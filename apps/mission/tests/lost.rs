@@ -58,10 +58,13 @@ fn who_loses_the_pose_on_the_way_up_comes_down() {
     let mut flight = Flight::new();
     let highest_m = flight.go_on(3000, TrackingStatus::Tracking);
     assert!((0.1..1.0).contains(&highest_m), "on its way up: {highest_m} m");
-    assert!(flight.go_on(20, TrackingStatus::Lost) <= highest_m);
+    flight.go_on(20, TrackingStatus::Lost);
     match &flight.mission.outcome {
         Some(Outcome::GaveUp { reason }) => assert!(reason.contains("take-off"), "{reason}"),
         other => panic!("{other:?}"),
     }
-    assert!(flight.go_on(1000, TrackingStatus::Lost) < highest_m, "down, not up");
+    // It climbs at half a metre a second: to brake takes a few centimetres, and then it goes down.
+    assert!(flight.go_on(1500, TrackingStatus::Lost) < highest_m + 0.15, "not up");
+    flight.go_on(500, TrackingStatus::Lost);
+    assert!(flight.go_on(20, TrackingStatus::Lost) < highest_m - 0.05, "down");
 }

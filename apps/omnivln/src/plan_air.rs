@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use arena::mission::planner::FlightLimits;
 use arena::progress::ProgressView;
 use arena::whole_file::write_whole;
@@ -23,12 +23,10 @@ use serde_json::{Value, json};
 use self::corridors::{Corridors, Outcome, Settings};
 use self::flown::Flown;
 use self::forest::Forest;
+use crate::problem_file::read;
 
 /// What the simulated aircraft is off its plan at most, with room.
 const TRACKING_MARGIN_M: f64 = 0.06;
-
-/// Largest file of problems that is read.
-const MAX_BYTES: u64 = 256 << 20;
 
 /// Speed limit and price of a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -201,16 +199,6 @@ impl Problems {
         let Problems::Forest(file) = self else { return None };
         Some(file.fly(k, &outcome.flight.as_ref().ok()?.trajectory))
     }
-}
-
-/// The text of a file of problems.
-pub fn read(path: &std::path::Path) -> Result<String> {
-    let place = || path.display().to_string();
-    let size = std::fs::metadata(path).with_context(place)?.len();
-    if size > MAX_BYTES {
-        bail!("{}: {size} bytes; at most {MAX_BYTES} are read", path.display());
-    }
-    std::fs::read_to_string(path).with_context(place)
 }
 
 /// The results of `work(0..count)` in order, made by several threads.

@@ -11,7 +11,7 @@ use nalgebra::Point2;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::plan_air::read;
+use crate::problem_file::read;
 
 /// Options of `plan-ground`.
 #[derive(Debug, Args)]

@@ -175,7 +175,7 @@ fn a_forest_is_flown_without_touching_anything() {
     });
     let fly = |forest: &Value| {
         fs::write(&file, forest.to_string()).unwrap();
-        let (code, out, err) = plan_air(&[file.to_str().unwrap(), "--json", "--repeats", "1", "--fly"]);
+        let (code, out, err) = plan_air(&[file.to_str().unwrap(), "--json", "--fly"]);
         (code, serde_json::from_str::<Value>(&out).unwrap_or_else(|_| panic!("{err}")))
     };
     let number = |value: &Value| value.as_f64().unwrap();
@@ -183,7 +183,7 @@ fn a_forest_is_flown_without_touching_anything() {
     let flown = &result["problems"][0]["flown"];
     assert_eq!((code, &result["flown_clean"], &flown["clean"]), (Some(0), &json!(1), &json!(true)), "{flown}");
     assert_eq!(flown["samples_in_grown_voxels"], 0);
-    assert!(number(&flown["clearance_m"]) > 0.1 && number(&flown["tracking_max_m"]) < 0.05, "{flown}");
+    assert!(number(&flown["clearance_m"]) > 0.1 && number(&flown["tracking_max_m"]) < 0.08, "{flown}");
     assert!(
         number(&flown["tracking_rmse_m"]) > 0.0
             && flown["tracking_rmse_m"].as_f64() <= flown["tracking_max_m"].as_f64()
@@ -201,7 +201,7 @@ fn the_shared_forests_are_flown() {
     if !std::path::Path::new(path).exists() {
         return println!("skipped: {path} is not here");
     }
-    let (code, out, err) = plan_air(&[path, "--json", "--repeats", "1", "--fly", "--threads", "2"]);
+    let (code, out, err) = plan_air(&[path, "--json", "--fly", "--threads", "2"]);
     let result: Value = serde_json::from_str(&out).unwrap_or_else(|_| panic!("{err}"));
     assert_eq!((code, &result["flown_clean"]), (Some(0), &json!(16)));
 }

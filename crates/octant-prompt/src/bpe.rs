@@ -4,19 +4,19 @@
 //! text -> added tokens as they stand -> form C, if the file asks for it -> pieces by the Qwen2 split -> bytes -> merges by rank -> ids
 //! split: (?i:'s|'t|'re|'ve|'m|'ll|'d) | [^\r\n\p{L}\p{N}]?\p{L}+ | \p{N} | ?[^\s\p{L}\p{N}]+[\r\n]* | \s*[\r\n]+ | \s+(?!\S) | \s+
 //! ```
-//! Files with another split are refused rather than miscounted. The split is scanned by hand: it needs a look-ahead, and no tables
-//! beyond those of `char` and `unicode_marks.rs`. A normalizer other than NFC is refused too.
+//! Files with another split are refused rather than miscounted. The split is scanned by hand: it needs a look-ahead. A normalizer other than NFC is refused too.
 
+use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::io::Read;
 
 use rustc_hash::FxHashMap;
 use serde::Deserialize;
+use unicode_normalization::char::is_combining_mark;
+use unicode_normalization::{IsNormalized, UnicodeNormalization, is_nfc_quick};
 
-use crate::nfc::nfc;
 use crate::tokens::TokenCounter;
-use crate::unicode_marks::MARKS;
 
 /// Largest file that is read: the biggest vocabularies in use take 20 MB.
 const MAX_FILE_BYTES: u64 = 64 << 20;
@@ -184,7 +184,7 @@ impl BytePairs {
             let next =
                 ahead.iter().zip(&self.added).filter_map(|(at, added)| Some(((*at)?, added))).min_by_key(|(at, _)| *at);
             let between = &text[done..next.map_or(text.len(), |(at, _)| at)];
-            let normalised = if self.is_normalised { nfc(between) } else { between.into() };
+            let normalised = if self.is_normalised { in_form_c(between) } else { between.into() };
             let mut plain: &str = &normalised;
             while !plain.is_empty() {
                 let (piece, remaining) = plain.split_at(piece_bytes(plain));
@@ -324,9 +324,9 @@ fn is_letter(c: char) -> bool {
 }
 
 fn is_mark_or_symbol(c: char) -> bool {
-    let code = u32::from(c);
-    let at = MARKS.partition_point(|(_, last)| *last < code);
-    MARKS.get(at).is_some_and(|(first, _)| *first <= code)
+    // Letters in circles and squares are symbols.
+    let is_symbol = matches!(c, '\u{24b6}'..='\u{24e9}' | '\u{1f130}'..='\u{1f149}' | '\u{1f150}'..='\u{1f169}' | '\u{1f170}'..='\u{1f189}');
+    is_symbol || is_combining_mark(c)
 }
 
 /// The characters that stand for bytes in the file: printable Latin-1 for itself, the others from U+0100 on.
@@ -349,6 +349,14 @@ fn splits_like_qwen(pre_tokenizer: &serde_json::Value) -> bool {
         && bytes["type"] == "ByteLevel"
         && bytes["add_prefix_space"] == false
         && bytes["use_regex"] == false
+}
+
+/// Normalisation form C of Unicode: marks joined with their letters where there is one character for both.
+fn in_form_c(text: &str) -> Cow<'_, str> {
+    match is_nfc_quick(text.chars()) {
+        IsNormalized::Yes => Cow::Borrowed(text),
+        IsNormalized::No | IsNormalized::Maybe => Cow::Owned(text.nfc().collect()),
+    }
 }
 
 #[cfg(test)]

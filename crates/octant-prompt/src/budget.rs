@@ -8,7 +8,7 @@
 use crate::names::NameTable;
 use crate::prompt::PromptConfig;
 use crate::render::{Detail, render};
-use crate::tiers::{Item, Tiers};
+use crate::tier_items::{Item, Tiers};
 use crate::tokens::TokenCounter;
 
 /// Rooms that are shown with groups and distances.

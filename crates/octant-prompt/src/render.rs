@@ -6,7 +6,8 @@ use dsg::RoomId;
 
 use crate::names::{NameTable, Named};
 use crate::octant::Octant;
-use crate::tiers::{AreaItem, Item, RoomItem, Run, Tiers, room_name};
+use crate::tier_items::{AreaItem, Item, RoomItem, Run, Tiers};
+use crate::tiers::room_name;
 
 /// How much is shown of each part. Everything not shown is counted, not forgotten.
 #[derive(Debug, Clone, PartialEq, Eq)]

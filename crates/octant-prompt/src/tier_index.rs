@@ -8,7 +8,8 @@ use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
 use crate::situation::room_of;
-use crate::tiers::{Classes, Part, PartRows, Parted, Tiers, View, finish, nearest};
+use crate::tier_items::Tiers;
+use crate::tiers::{Classes, Part, PartRows, Parted, View, finish, nearest};
 
 /// The objects of a graph by room, for one instruction.
 pub struct TierIndex<'a> {

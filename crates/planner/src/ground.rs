@@ -8,6 +8,13 @@
 //! path, scan   --local_policy--> arcs, each with a checked stop -> velocity command     (50 Hz)
 //! ```
 //!
+//! Where the map is a floor plan of exact polygons, [`polygon_map`] finds the shortest way of a point:
+//!
+//! ```text
+//! rings --triangles (constrained Delaunay)--> free space --sight--> corners that see each other, tangents
+//! start, goal --sight--> tangents to them --A*--> way
+//! ```
+//!
 //! One definition of "clear" is used throughout: the distance from the centre to every blocked *square* is at least the
 //! clearance. Vertices and edges are proposals; [`visibility`] measures each exactly, and where the graph has no way
 //! although the lattice has one (a gap that only the circle itself fits through), [`route`] takes the lattice's.

@@ -38,7 +38,7 @@
 //!   convex programs ([`fly_corridor_hard`]). Voxels ([`fly_voxels`]): A* ([`VoxelMap`]), regions of whole cubes
 //!   ([`air::region`]), corridor. Waypoints ([`fly_waypoints`]): MINCO with penalties by L-BFGS
 //!   ([`air::shape`]), asked for less until the proof holds.
-//! - Ground ([`VisibilityGraph`], [`LocalPolicy`]): see [`ground`].
+//! - Ground ([`VisibilityGraph`], [`LocalPolicy`], and for exact plans [`PolygonMap`]): see [`ground`].
 //!
 //! # Conventions
 //! World: z up; body: x forward, y left. SI units. `None` is "no way", `Err` is "bad input". NaN is refused at the door (points of a
@@ -60,6 +60,8 @@
 //! - P. Goulart, Y. Chen, *Clarabel: An Interior-Point Solver for Conic Programs with Quadratic Objectives*, 2024.
 //! - T. Lee, M. Leok, N. H. McClamroch, *Geometric Tracking Control of a Quadrotor UAV on SE(3)*, CDC 2010.
 //! - F. Yang, C. Cao, H. Zhu, J. Oh, J. Zhang, *FAR Planner: Fast, Attemptable Route Planner using Dynamic Visibility Update*, IROS 2022.
+//! - F. Bungiu, M. Hemmer, J. Hershberger, K. Huang, A. Kröller, *Efficient Computation of Visibility Polygons*, 2014 (sight by triangles).
+//! - J. R. Shewchuk, *Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates*, 1997.
 //! - A. Meijster, J. Roerdink, W. Hesselink, *A General Algorithm for Computing Distance Transforms in Linear Time*, 2000.
 
 #[cfg(feature = "air")]

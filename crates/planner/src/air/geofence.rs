@@ -1,6 +1,6 @@
 //! Where a flight may be at all: a convex polygon on the ground, a floor and a ceiling.
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
 use super::polytope::{HalfSpace, Polytope};
 
@@ -77,6 +77,15 @@ impl Geofence {
         self.inside.slack(&point.coords)
     }
 
+    /// The same fence in another frame.
+    pub fn transformed(&self, new_from_old: &Isometry3<f64>) -> Geofence {
+        let moved = |face: &HalfSpace| {
+            let normal = new_from_old * face.normal;
+            HalfSpace { normal, offset_m: face.offset_m + normal.dot(&new_from_old.translation.vector) }
+        };
+        Geofence { inside: Polytope { faces: self.inside.faces.iter().map(moved).collect() } }
+    }
+
     /// Its half-spaces.
     pub fn faces(&self) -> &[HalfSpace] {
         &self.inside.faces
@@ -102,6 +111,12 @@ mod tests {
         assert_eq!(Geofence::new(&dent, 0.0, 2.0).err(), Some(GeofenceError::NotConvex { corner: 2 }));
         assert_eq!(Geofence::new(&square[..2], 0.0, 2.0).err(), Some(GeofenceError::TooFewCorners(2)));
         assert!(matches!(Geofence::new(&square, 2.0, 2.0), Err(GeofenceError::NoHeight { .. })));
+        // In another frame it is as far from the same place.
+        let turned = Isometry3::new(Vector3::new(3.0, -1.0, 0.5), Vector3::z() * 0.7);
+        for place in [Point3::new(1.0, 1.0, 0.5), Point3::new(5.0, -2.0, 1.0)] {
+            let slack_m = fence.transformed(&turned).slack_m(&(turned * place));
+            assert!((slack_m - fence.slack_m(&place)).abs() < 1e-12);
+        }
         let nan = corners(&[[0.0, 0.0], [4.0, f64::NAN], [4.0, 3.0]]);
         assert_eq!(Geofence::new(&nan, 0.0, 2.0).err(), Some(GeofenceError::NotFinite));
     }
