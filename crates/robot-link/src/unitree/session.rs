@@ -515,8 +515,9 @@ fn is_still(state: &WalkerState) -> bool {
     state.velocity_in_world_mps.norm() < STILL.0 && state.yaw_rate_radps.abs() < STILL.1
 }
 
-/// The next time of something periodic that was due at `due_ns`; what was missed is not made up for.
+/// The next time of something periodic that was due at `due_ns`. It keeps its beat over what a loop is late by; later than that it
+/// begins a new one, so that two are never much less than a period apart.
 fn next(due_ns: i64, period_ns: i64, now_ns: i64) -> i64 {
-    let regular_ns = due_ns.saturating_add(period_ns);
-    if regular_ns > now_ns { regular_ns } else { now_ns.saturating_add(period_ns) }
+    let is_in_time = now_ns.saturating_sub(due_ns) <= period_ns / 10;
+    (if is_in_time { due_ns } else { now_ns }).saturating_add(period_ns)
 }
