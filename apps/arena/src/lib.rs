@@ -20,6 +20,7 @@ pub mod options;
 pub mod pilot;
 pub mod progress;
 pub mod px4_vehicle;
+pub mod real_time;
 pub mod record;
 pub mod record_topics;
 pub mod record_truth;
@@ -36,6 +37,9 @@ pub mod survey;
 pub mod task;
 pub mod tour;
 pub mod toured_scene;
+#[cfg(feature = "unitree")]
+pub mod unitree_vehicle;
+pub mod vehicle;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;

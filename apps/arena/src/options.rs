@@ -91,6 +91,11 @@ pub struct Options {
     #[command(flatten)]
     pub px4: Px4Options,
 
+    /// A walking robot in place of the simulated body.
+    #[cfg(feature = "unitree")]
+    #[command(flatten)]
+    pub unitree: UnitreeOptions,
+
     /// The simulated aircraft's battery lasts for so many seconds of hovering: it flies nowhere from where it could not come back, and
     /// returns or lands in time. Without it: for ever
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
@@ -119,6 +124,18 @@ pub struct Px4Options {
     /// Sign every frame, and demand signatures, with the key in FILE: 64 hexadecimal digits
     #[arg(long = "px4-key", value_name = "FILE", requires = "address")]
     pub key: Option<PathBuf>,
+}
+
+/// The robot that walks.
+#[derive(Debug, Clone, Args)]
+pub struct UnitreeOptions {
+    /// Walk with a Unitree robot, in real time, that is at this network interface; lo for one on this machine
+    #[arg(long = "unitree", value_name = "INTERFACE")]
+    pub interface: Option<String>,
+
+    /// DDS domain of that robot
+    #[arg(long = "unitree-domain", value_name = "ID", default_value_t = 0, requires = "interface", value_parser = clap::value_parser!(u16).range(..=232))]
+    pub domain: u16,
 }
 
 /// A pose on the command line: x, y, z in metres, yaw in degrees (turned into radians).

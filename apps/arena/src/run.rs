@@ -26,12 +26,12 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
-use crate::px4_vehicle::Px4Vehicle;
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
+use crate::vehicle::Vehicle;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -173,8 +173,8 @@ pub struct Setup<'a> {
     pub known: Option<Known>,
     /// Seed of noise and drift.
     pub seed: u64,
-    /// Flies in place of the simulated body, in real time: building and sensors are simulated where it is.
-    pub vehicle: Option<&'a mut Px4Vehicle>,
+    /// Moves in place of the simulated body, in real time: building and sensors are simulated where it is.
+    pub vehicle: Option<&'a mut (dyn Vehicle + 'static)>,
 }
 
 /// Runs one mission. `stop` is looked at once per control period.
@@ -308,11 +308,11 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     truth.touches = simulation.touches().to_vec();
     let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
-        // The place is judged; now down. What went wrong in the air is said first, and is no success.
-        let landing = vehicle.land();
+        // The place is judged; now down. What went wrong on the way is said first, and is no success.
+        let rest = vehicle.rest();
         mission.journal.notes.push((end_s, vehicle.account()));
-        if let Some(why) = trouble.or(landing.err()) {
-            (success, reason) = (false, format!("The flight ended early: {why:#}."));
+        if let Some(why) = trouble.or(rest.err()) {
+            (success, reason) = (false, format!("The {} ended early: {why:#}.", vehicle.deed()));
         }
     }
     let shortest_m = referee.shortest_m(&task.steps, &start_at);

@@ -63,6 +63,8 @@ pub mod stream;
 #[cfg(test)]
 mod test_events;
 pub mod tum;
+#[cfg(feature = "unitree")]
+pub mod unitree;
 pub mod vision_config;
 pub mod vision_verifier;
 pub mod world_model;
