@@ -143,6 +143,11 @@ impl SimulatedBody {
         Ok(())
     }
 
+    /// Something that moves goes on, as in the world ([`World::go_on`]).
+    pub fn go_on(&mut self, mover: usize, stamp_ns: i64, pose: Isometry3<f64>, keep_ns: i64) {
+        self.contacts.go_on(mover, stamp_ns, pose, keep_ns);
+    }
+
     /// The battery is empty: rotors stop.
     pub fn cut_power(&mut self) {
         self.has_power = false;
@@ -161,6 +166,13 @@ impl SimulatedBody {
         let new = self.counter.touches()[self.reported..].to_vec();
         self.reported += new.len();
         new
+    }
+
+    /// Whether it is under way: faster than what a controller at rest trembles with.
+    pub fn moves(&self) -> bool {
+        const REST: (f64, f64) = (0.02, 0.05);
+        let state = self.state();
+        state.velocity_world.norm() > REST.0 || state.angular_velocity_body.norm() > REST.1
     }
 
     /// State now.

@@ -17,6 +17,7 @@ pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
+pub mod people;
 pub mod pilot;
 pub mod progress;
 pub mod px4_vehicle;

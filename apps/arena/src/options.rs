@@ -101,6 +101,14 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub battery: Option<f64>,
 
+    /// So many people walk about in the building (0 to 10)
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
+    pub people: u32,
+
+    /// The people do not heed the robot
+    #[arg(long, requires = "people")]
+    pub heedless: bool,
+
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub max_time: f64,

@@ -22,6 +22,7 @@ use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
+use omni_sim::crowd::CrowdConfig;
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
@@ -68,6 +69,7 @@ impl RunConfig {
             simulation: SimulationConfig {
                 is_lidar_fixed,
                 battery_endurance_s: options.battery,
+                crowd: CrowdConfig { people: options.people, heeds_robot: !options.heedless, seed: 0 },
                 ..SimulationConfig::default()
             },
             llm,
@@ -347,7 +349,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
-        collisions: truth.touches.len(),
+        collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
+        contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),

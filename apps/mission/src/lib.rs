@@ -23,6 +23,7 @@ pub mod cycle;
 pub mod drive;
 pub mod emergency;
 pub mod error;
+pub mod flanks;
 pub mod flight_limits;
 pub mod fly;
 pub mod goal;

@@ -9,10 +9,12 @@
 use nalgebra::{Point2, Vector2};
 
 use crate::building::Building;
+use crate::colors::color_name;
 use crate::floor::TrueFloor;
 use crate::mesh::{InstanceId, Mover};
 use crate::noise::NoiseKey;
 use crate::person::{Gait, Stance, limb_poses, person};
+use crate::world::Thing;
 
 /// Half a person's shoulders.
 pub const PERSON_RADIUS_M: f64 = 0.25;
@@ -143,6 +145,17 @@ impl Crowd {
     /// Those there are.
     pub fn people(&self) -> &[Pedestrian] {
         &self.people
+    }
+
+    /// What a viewer would say about them.
+    pub fn things(&self) -> Vec<Thing> {
+        let thing = |p: &Pedestrian| Thing {
+            instance: p.instance,
+            class: "person".into(),
+            color: color_name(p.gait.rgb).into(),
+            caption: "a person".into(),
+        };
+        self.people.iter().map(thing).collect()
     }
 
     /// The movers at the beginning: four for each person, in order.
