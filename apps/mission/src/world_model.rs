@@ -2,6 +2,7 @@
 //!
 //! [`WorldModel::see`] takes what the sensors say as it comes; [`WorldModel::refresh`] twice a second draws the conclusions.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 
 use dsg::{ObjectEvidence, SceneGraph};
@@ -21,6 +22,7 @@ use crate::graph_builder::{GraphBuilder, is_visible};
 use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
+use crate::people::{People, moves_by_itself};
 use crate::rooms::RoomMap;
 use crate::stage_clock::StageClock;
 use crate::stream::SensorEvent;
@@ -133,6 +135,8 @@ pub struct WorldModel {
     pub floor_m: f64,
     /// Height of the body origin above the floor when it moves.
     pub body_height_m: f64,
+    /// Those who move near the robot.
+    pub people: People,
     /// What was not used.
     pub ignored: Ignored,
     /// Who shows relations to a vision model, if there is one.
@@ -198,6 +202,7 @@ impl WorldModel {
             eye: Point3::origin(),
             floor_m,
             body_height_m,
+            people: People::default(),
             ignored: Ignored::default(),
             vision: config.vision.clone().map(VisionVerifier::new).transpose()?,
             looks: None,
@@ -290,7 +295,11 @@ impl WorldModel {
         self.ignored.points += (dropped.non_finite + dropped.outside_time) as u64;
         let points = straight.points_in_world();
         let origin = straight.sensor_origin_in_world();
-        let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
+        clock.time("people", || self.people.see(straight.stamp, &origin, self.floor_m, &points, &self.field));
+        // Whoever walks is for nobody's map.
+        let still =
+            if self.people.is_empty() { Cow::Borrowed(&points) } else { Cow::Owned(self.people.without(&points)) };
+        let integrated = clock.time("volume", || self.volume.integrate(&origin, &still));
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
@@ -304,7 +313,7 @@ impl WorldModel {
         // In the air the distance field is asked instead.
         if self.robot.kind == RobotKind::Ground {
             let here = straight.world_from_body.translation.vector;
-            let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
+            let obstacles = clock.time("obstacles", || self.obstacles_of(&still, &Point2::new(here.x, here.y)));
             let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
             self.obstacles.push_back((straight.stamp, obstacles));
             while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
@@ -422,6 +431,10 @@ impl WorldModel {
         let mut evidence = Vec::with_capacity(observations.len());
         for observation in observations {
             let Some((label, _)) = observation.label_weights.first() else { continue };
+            if moves_by_itself(label) {
+                self.people.name(&observation);
+                continue;
+            }
             let next = self.label_ids.len() as u16 + 1;
             let id = *self.label_ids.entry(label.clone()).or_insert(next);
             votes.extend(observation.points_in_world.iter().map(|point| (*point, id)));
@@ -486,6 +499,8 @@ impl WorldModel {
             );
         });
         self.ignored.changes += self.builder.take_refusals();
+        let told = clock.time("people", || self.people.tell(&mut self.graph, odometry.stamp));
+        self.ignored.changes += u64::from(told.is_err());
         if let Some(vision) = &mut self.vision {
             let volume = &self.volume;
             clock.time("vision", || {
