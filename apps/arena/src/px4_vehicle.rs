@@ -148,6 +148,11 @@ impl Px4Vehicle {
         }
     }
 
+    /// How full its battery is, by its own gauge (1 full, 0 empty), if it says so.
+    pub fn charge(&self) -> Option<f64> {
+        self.link.charge()
+    }
+
     /// Brings it down and waits until it stands with motors off.
     ///
     /// # Errors
