@@ -312,7 +312,7 @@ fn known_part(
 ) -> (Vec<Vector3<f64>>, f64) {
     let is_known = |p: &Vector3<f64>| {
         let is_centre_known = grid.node(&Point3::from(*p)).is_some_and(|node| grid.clearance(node).is_some());
-        is_centre_known && grid.is_known_around(p, start)
+        is_centre_known && grid.is_known_around(p, start, false)
     };
     let mut length_m = 0.0;
     let mut kept = 1;
@@ -322,6 +322,9 @@ fn known_part(
             break;
         }
         kept += 1;
+    }
+    while kept > 2 && kept < route.len() && !grid.is_known_around(&route[kept - 1], start, true) {
+        kept -= 1;
     }
     // A route of one point leads nowhere; where even its second one is not known, the caller finds it too short.
     let kept = kept.max(2).min(route.len());

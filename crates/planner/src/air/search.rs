@@ -199,9 +199,10 @@ impl<'a> SearchGrid<'a> {
     }
 
     /// Whether the body at `p`, with what it keeps from obstacles, touches no unknown lattice point, except those that are not nearer
-    /// than they are to the body at `start`.
-    pub fn is_known_around(&self, p: &Vector3<f64>, start: &Vector3<f64>) -> bool {
-        let wanted = self.needed_m + self.obstacle_radius_m - self.lenience_m;
+    /// than they are to the body at `start`. On the way as much may be lacking as free points may lack, at an end nothing.
+    pub fn is_known_around(&self, p: &Vector3<f64>, start: &Vector3<f64>, is_end: bool) -> bool {
+        let lenience_m = if is_end { 0.0 } else { self.lenience_m };
+        let wanted = self.needed_m + self.obstacle_radius_m - lenience_m;
         let reach = Vector3::repeat(wanted);
         self.for_unknown_border(&(p - reach), &(p + reach), |at| {
             let apart = (at - p).norm();
