@@ -39,6 +39,7 @@ pub(crate) mod hermite;
 pub(crate) mod hermite_program;
 pub(crate) mod node_form;
 pub(crate) mod obstacles;
+mod penalty_lanes;
 pub(crate) mod piece_cost;
 pub(crate) mod route;
 pub(crate) mod swept;

@@ -217,7 +217,8 @@ fn a_flight_into_the_unknown_ends_in_the_known_and_goes_on_when_more_is_seen() {
     for _ in 0..40 {
         // It sees three metres ahead of itself.
         let map = seen_to(state.p.x + 3.0);
-        let plan = plan(&map, &state, &goal, &[], &config).unwrap_or_else(|e| panic!("{e} after {parts} parts, {state:?}"));
+        let plan =
+            plan(&map, &state, &goal, &[], &config).unwrap_or_else(|e| panic!("{e} after {parts} parts, {state:?}"));
         assert!(plan.proof.holds);
         let (end, duration) = (plan.trajectory.sample(f64::MAX).p, plan.trajectory.duration());
         for k in 0..=200 {
