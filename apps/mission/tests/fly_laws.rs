@@ -388,22 +388,29 @@ fn who_walks_into_its_way_is_not_met() {
 /// The same by what the scene graph knows of him, who was seen five times a second, and then no more.
 #[test]
 fn who_the_scene_graph_knows_to_walk_is_not_met_and_not_waited_for_when_he_is_gone() {
-    for (speed, meets_s) in [(0.7, 1.8), (0.8, 2.2), (1.2, 2.5)] {
-        let mut flight = Flight::new();
-        flight.graph = Some(SceneGraph::new());
-        flight.walker = Some(Mover {
-            position: Point3::new(4.6, 2.0 - speed * (meets_s + 1.0), 0.85),
-            velocity_mps: Vector3::new(0.0, speed, 0.0),
-            radius_m: 0.3,
-            growth_mps: 0.0,
-        });
-        // Seen for a second before it sets off.
-        flight.go(1.0);
-        flight.set_goal(Some(Point2::new(7.0, 2.0)));
-        flight.go(9.0);
-        // He has left the hall: what is known of him is old.
-        flight.walker = None;
-        flight.go(8.0);
+    for (speed, meets_s) in [(0.7, 1.8), (0.8, 2.2), (0.6, 2.5)] {
+        let fly_past = |knows: bool| {
+            let mut flight = Flight::new();
+            flight.graph = knows.then(SceneGraph::new);
+            flight.sees_walker = false;
+            flight.walker = Some(Mover {
+                position: Point3::new(4.6, 2.0 - speed * (meets_s + 1.0), 0.85),
+                velocity_mps: Vector3::new(0.0, speed, 0.0),
+                radius_m: 0.3,
+                growth_mps: 0.0,
+            });
+            // Seen for a second before it sets off.
+            flight.go(1.0);
+            flight.set_goal(Some(Point2::new(7.0, 2.0)));
+            flight.go(9.0);
+            // He has left the hall: what is known of him is old.
+            flight.walker = None;
+            flight.go(8.0);
+            flight
+        };
+        let blind = fly_past(false);
+        assert!(blind.apart_m < blind.radius_m, "alone it would have met him: {} m", blind.apart_m);
+        let flight = fly_past(true);
         assert!(flight.apart_m >= flight.radius_m, "he came {} m near", flight.apart_m);
         assert_eq!(*flight.fly.status(), GoalStatus::Arrived);
         assert!(flight.nearest_m >= flight.radius_m);
