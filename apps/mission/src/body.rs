@@ -10,6 +10,7 @@ use crate::emergency::Emergency;
 use crate::error::MissionError;
 use crate::fly::{Fly, Phase};
 use crate::goal::{Goal, GoalStatus};
+use crate::movers::movers;
 use crate::stage_clock::StageClock;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -172,11 +173,12 @@ impl Body {
     }
 }
 
-/// The world as a planner asks about it. Nobody tracks what moves while it flies: what the last scans show is all.
+/// The world as a planner asks about it: the map, and what the graph says moves.
 fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
+    let movers = world.odometry.map_or_else(Vec::new, |odometry| movers(&world.graph, odometry.stamp));
     ask(&AirSpace {
         distance: &|point: &Point3<f64>| world.field.distance(point),
         obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
-        movers: &[],
+        movers: &movers,
     })
 }

@@ -35,6 +35,7 @@ pub mod localisation;
 pub mod map_frame;
 pub mod mapping_run;
 pub mod mission;
+pub mod movers;
 pub mod navigation;
 pub mod odometer;
 pub mod odometry_run;

@@ -49,6 +49,22 @@ fn cost_and_gradient(bencher: Bencher, (is_agile, pace): (bool, f64)) {
     bencher.counter(ItemsCount::new(PIECES)).bench_local(|| cost.evaluate(&inner, &times, &mut gradient));
 }
 
+/// The same sample by sample: what four samples at a time are worth.
+#[divan::bench]
+fn agile_cost_and_gradient_plainly(bencher: Bencher) {
+    const PIECES: usize = 20;
+    let limits = limits(true);
+    let (start, goal, corridor) = chain(7, PIECES);
+    let flight = fly_corridor(&start, &goal, &corridor, &limits, &InteriorSettings::default()).unwrap();
+    let inner: Vec<_> = flight.trajectory.pieces[1..].iter().map(|p| p.coefficients[0]).collect();
+    let times: Vec<f64> = flight.trajectory.pieces.iter().map(|p| 0.9 * p.duration_s).collect();
+    let mut cost =
+        PenalisedSpline::new(&start, &goal, &corridor, &flight.polytope_of, &limits, PenaltyWeights::default())
+            .unwrap();
+    let mut gradient = MincoGradient::default();
+    bencher.counter(ItemsCount::new(PIECES)).bench_local(|| cost.evaluate_plainly(&inner, &times, &mut gradient));
+}
+
 #[divan::bench]
 fn ellipsoid(bencher: Bencher) {
     let (_, _, corridor) = chain(5, 30);
