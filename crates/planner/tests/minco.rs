@@ -170,7 +170,7 @@ fn compare(p: &Problem, gradient: &MincoGradient, cost: impl Fn(&Problem) -> f64
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 512, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn splines_are_optimal(p in problem(10.0)) {
