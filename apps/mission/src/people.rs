@@ -36,9 +36,9 @@ impl People {
         self.tracker.observe(stamp, eye, floor_m, points, &|point| field.distance(point));
     }
 
-    /// What of a scan is nobody's body: that is for the map.
-    pub fn without(&self, points: &[Point3<f32>]) -> Vec<Point3<f32>> {
-        points.iter().filter(|point| !self.tracker.is_part(point)).copied().collect()
+    /// What of a scan is somebody's body, and what is nobody's: that is for the map.
+    pub fn part(&self, points: Vec<Point3<f32>>) -> (Vec<Point3<f32>>, Vec<Point3<f32>>) {
+        points.into_iter().partition(|point| self.tracker.is_part(point))
     }
 
     /// Whether nobody is near.
