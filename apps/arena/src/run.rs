@@ -14,7 +14,6 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
-use mission::planner::Battery;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
 use mission::robot_model::RobotModel;
@@ -22,16 +21,17 @@ use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
+use omni_sim::crowd::CrowdConfig;
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
-use crate::px4_vehicle::Px4Vehicle;
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
+use crate::vehicle::Vehicle;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -64,10 +64,16 @@ impl RunConfig {
         let is_lidar_fixed = options.lidar == LidarMount::Fixed;
         RunConfig {
             max_time_s: options.max_time,
-            mission: MissionConfig { vision, battery: options.battery.map(battery), ..MissionConfig::default() },
+            mission: MissionConfig {
+                vision,
+                battery: options.flight.battery(),
+                geofence: options.flight.fence.clone(),
+                ..MissionConfig::default()
+            },
             simulation: SimulationConfig {
                 is_lidar_fixed,
-                battery_endurance_s: options.battery,
+                battery_endurance_s: options.flight.battery,
+                crowd: CrowdConfig { people: options.people, heeds_robot: !options.heedless, seed: 0 },
                 ..SimulationConfig::default()
             },
             llm,
@@ -75,11 +81,6 @@ impl RunConfig {
             ..RunConfig::default()
         }
     }
-}
-
-/// What the robot is told of a battery that lasts so long: a sixth of it is kept, and the way back is flown slowly.
-pub fn battery(endurance_s: f64) -> Battery {
-    Battery { endurance_s, reserve: 1.0 / 6.0, cruise_mps: 0.6, landing_s: 8.0 }
 }
 
 impl RunConfig {
@@ -173,8 +174,8 @@ pub struct Setup<'a> {
     pub known: Option<Known>,
     /// Seed of noise and drift.
     pub seed: u64,
-    /// Flies in place of the simulated body, in real time: building and sensors are simulated where it is.
-    pub vehicle: Option<&'a mut Px4Vehicle>,
+    /// Moves in place of the simulated body, in real time: building and sensors are simulated where it is.
+    pub vehicle: Option<&'a mut (dyn Vehicle + 'static)>,
 }
 
 /// Runs one mission. `stop` is looked at once per control period.
@@ -237,6 +238,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         if let Some(vehicle) = &mut vehicle {
             let next = Stamp(simulation.now().0 + STEP_NS);
             simulation.tell(next, vehicle.pose_when_due(next))?;
+            simulation.tell_charge(vehicle.charge());
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
@@ -308,18 +310,18 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     truth.touches = simulation.touches().to_vec();
     let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
-        // The place is judged; now down. What went wrong in the air is said first, and is no success.
-        let landing = vehicle.land();
+        // The place is judged; now down. What went wrong on the way is said first, and is no success.
+        let rest = vehicle.rest();
         mission.journal.notes.push((end_s, vehicle.account()));
-        if let Some(why) = trouble.or(landing.err()) {
-            (success, reason) = (false, format!("The flight ended early: {why:#}."));
+        if let Some(why) = trouble.or(rest.err()) {
+            (success, reason) = (false, format!("The {} ended early: {why:#}.", vehicle.deed()));
         }
     }
     let shortest_m = referee.shortest_m(&task.steps, &start_at);
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
             // Whoever starts at a right place has driven no detour.
-            if shortest_m < crate::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
+            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
         }
         _ => 0.0,
     };
@@ -347,7 +349,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
-        collisions: truth.touches.len(),
+        collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
+        contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),

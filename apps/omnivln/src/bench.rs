@@ -96,6 +96,15 @@ pub struct NavOptions {
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0)]
     max_time: f64,
+    /// So many people walk about in each building (0 to 10)
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
+    people: u32,
+    /// The people do not heed the robot
+    #[arg(long, requires = "people")]
+    heedless: bool,
+    /// The robot has surveyed each building before, and does not know where in it it stands
+    #[arg(long)]
+    known: bool,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -108,10 +117,13 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
         max_time_s.is_finite() && max_time_s > 0.0,
         "--max-time must be a positive number of seconds, not {max_time_s}"
     );
-    let config = RunConfig { max_time_s, ..asked.config()? };
+    let mut config = RunConfig { max_time_s, ..asked.config()? };
+    config.simulation.crowd.people = options.people;
+    config.simulation.crowd.heeds_robot = !options.heedless;
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
-    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;
+    let (keep, known) = (asked.keep.as_deref(), options.known);
+    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, known, keep, asked.quiet, &stop)?;
     if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
@@ -149,12 +161,17 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         drawn.shortest_median_m
     );
     arena::say!(
-        "{} of {} right ({:.0} %), mean SPL {:.2}, {} collisions, {:.1}x real time, {:.0} s on the wall",
+        "{} of {} right ({:.0} %), mean SPL {:.2}, {} collisions{}, {:.1}x real time, {:.0} s on the wall",
         result.runs.iter().filter(|run| run.success).count(),
         result.runs.len(),
         result.success_rate * 100.0,
         result.spl_mean,
         result.collisions,
+        if result.people == 0 {
+            String::new()
+        } else {
+            format!(", {} contacts with {} people", result.contacts_with_people, result.people)
+        },
         result.realtime_factor,
         result.wall_s
     );
