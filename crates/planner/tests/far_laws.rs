@@ -314,7 +314,7 @@ fn storeys_above_each_other_do_not_mix() {
     graph.check_invariants();
     assert!((graph.route(&on(&west, 3.0), &on(&east, 3.0)).unwrap().length_m - 2.8).abs() < 1e-9);
     assert!(matches!(graph.route(&on(&west, 0.0), &on(&east, 0.0)), Err(NoRoute::Apart { .. })));
-    assert!(matches!(graph.route(&on(&west, 0.0), &on(&east, 3.0)), Err(_)));
+    assert!(graph.route(&on(&west, 0.0), &on(&east, 3.0)).is_err());
     for (a, b, _) in graph.edges() {
         assert!((a.z - b.z).abs() < 1.0);
     }
@@ -383,7 +383,7 @@ fn damage_of_a_file_is_named_by_its_line() {
     );
     assert_eq!(read("far-graph 1\ntile 0 0 0 0\n"), "line 2: the file ends before its `end`");
     assert!(read("far-graph 1\ntile 0 0 0 0\nrow 3 1 1\nend 0\n").starts_with("line 3: accepted is `row`"));
-    assert!(matches!(DynamicVisibilityGraph::load("far-graph 1\nend 0\n".as_bytes()), Ok(_)));
+    assert!(DynamicVisibilityGraph::load("far-graph 1\nend 0\n".as_bytes()).is_ok());
     assert!(matches!(DynamicVisibilityGraph::load(&[0xff; 1000][..]), Err(FarLoadError::Line { line: 1, .. })));
 }
 

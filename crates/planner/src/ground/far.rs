@@ -67,7 +67,7 @@ use trajectory::Trajectory;
 use upkeep::Freed;
 use window::{Window, check_pose};
 
-/// A visibility graph that grows and changes with what the robot sees. See [`self`](self) for the way of the data.
+/// A visibility graph that grows and changes with what the robot sees. See [`self`] for the way of the data.
 ///
 /// Positions are world x, y and the height of the *floor* there; storeys are told apart by it.
 #[derive(Debug, Clone)]

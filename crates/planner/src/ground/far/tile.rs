@@ -1,6 +1,6 @@
 //! A square of 64 x 64 cells of one storey: what was seen there, and exact distances to what may not be touched.
 //!
-//! Cells are bits. As in [`super::super::clearance`], the nearest point of a union of squares to a lattice point is a lattice point, so
+//! Cells are bits. As in `clearance.rs`, the nearest point of a union of squares to a lattice point is a lattice point, so
 //! that squared distances are whole numbers; here they end at 255, which is "15.9 cells or more", so that a change of a cell changes
 //! distances within 16 cells only and a row of them fits into vector registers.
 
