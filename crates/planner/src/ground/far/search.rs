@@ -81,9 +81,13 @@ impl DynamicVisibilityGraph {
     /// # Errors
     /// Why there is none, with the reachable node nearest to the goal.
     pub fn route(&self, start: &Point3<f64>, goal: &Point3<f64>) -> Result<FarRoute, NoRoute> {
-        self.known_route(start, goal)
-            .map_or_else(|| self.route_through(start, goal, Through::Unknown), Ok)
-            .or_else(|reason| self.route_through_gap(start, goal).ok_or(reason))
+        // A known way to another place than the goal is worth less than an attempt at the goal.
+        let known = self.known_route(start, goal);
+        if let Some(route) = known.as_ref().filter(|route| route.goal_pull_m == 0.0) {
+            return Ok(route.clone());
+        }
+        let attempt = self.route_through(start, goal, Through::Unknown);
+        attempt.or_else(|reason| known.or_else(|| self.route_through_gap(start, goal)).ok_or(reason))
     }
 
     /// The way on the lattice, through the known if there is one.
