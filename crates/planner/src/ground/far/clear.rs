@@ -12,8 +12,8 @@ impl Memory {
         Reader::new(self, spot, spot, through).is_free(&spot.at)
     }
 
-    /// Whether the straight segment stays on one storey and keeps the clearance, both ends included. Exact: see [`super::super::visibility`]; the nearest point of
-    /// a union of squares to a segment with free ends is a convex corner, or the segment crosses the union, which the march sees.
+    /// Whether the straight segment stays on one storey and keeps the clearance, both ends included. Exact: the nearest point of a union of
+    /// squares to a segment with free ends is a convex corner, or the segment crosses the union, which the march sees.
     pub fn is_clear(&self, a: &Spot, b: &Spot, through: Through) -> bool {
         let is_level = (a.floor_m - b.floor_m).abs() <= self.same_layer_m;
         let mut reader = Reader::new(self, a, b, through);
