@@ -2,7 +2,7 @@
 //! grounder. Where the boxes were measured ([`Scene::box_error_m`]), only what their error cannot turn round is true.
 
 use dsg::Aabb;
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::claim::{Claim, Group, Order};
 use crate::color_truth::is_called;
@@ -36,6 +36,18 @@ impl<'a> Surroundings<'a> {
     pub fn twins(&self, index: usize) -> Vec<usize> {
         let label = self.scene.label(index);
         self.things.iter().copied().filter(|other| *other != index && self.scene.label(*other) == label).collect()
+    }
+
+    /// Where the viewer may stand: in the middle, and, where the boxes were measured, within half a metre of it. A room of which a part was not
+    /// seen has another middle.
+    fn eyes(&self) -> Vec<Point3<f64>> {
+        const DOUBT_M: f64 = 0.5;
+        let around: &[(f64, f64)] = if self.scene.box_error_m > 0.0 {
+            &[(0.0, 0.0), (DOUBT_M, 0.0), (-DOUBT_M, 0.0), (0.0, DOUBT_M), (0.0, -DOUBT_M)]
+        } else {
+            &[(0.0, 0.0)]
+        };
+        around.iter().map(|(x, y)| self.eye + Vector3::new(*x, *y, 0.0)).collect()
     }
 
     fn bounds(&self, index: usize) -> &'a Aabb {
@@ -104,43 +116,10 @@ const SEEN_RATIO: f64 = 1.15;
 /// Whether the claim holds of the thing at `index`, clearly enough that people would not quarrel about it. `rivals` are the things that it is
 /// compared with: the others of its class.
 pub fn is_true(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]) -> bool {
-    let own = around.bounds(index);
-    let thing = &around.scene.things[index];
-    match *claim {
-        Claim::Color(word) => match &thing.color_name {
-            Some(name) => is_one_color(name, word),
-            None => thing.color.is_some_and(|rgb| is_called(word, &rgb) == Some(true)),
-        },
-        Claim::Material(ref word) => thing.material.as_ref() == Some(word),
-        Claim::On(anchor) => {
-            let dz_m = own.min.z - around.bounds(anchor).max.z;
-            overlap_share(own, around.bounds(anchor)) > 0.5 && dz_m.abs() < 0.1
-        }
-        Claim::In(anchor) => share_inside(own, around.bounds(anchor)) > 0.7,
-        Claim::Under(anchor) => {
-            let anchor = around.bounds(anchor);
-            overlap_share(own, anchor) > 0.5 && anchor.min.z - own.max.z > -0.05
-        }
-        Claim::LeftOf(anchor) => beside_m(around, index, anchor).x > BESIDE_M + around.scene.box_error_m,
-        Claim::RightOf(anchor) => beside_m(around, index, anchor).x < -BESIDE_M - around.scene.box_error_m,
-        // What has a front has it whoever looks.
-        Claim::InFrontOf(anchor) | Claim::Behind(anchor) if around.scene.things[anchor].front.is_some() => false,
-        Claim::InFrontOf(anchor) => beside_m(around, index, anchor).y < -BESIDE_M - around.scene.box_error_m,
-        Claim::Behind(anchor) => beside_m(around, index, anchor).y > BESIDE_M + around.scene.box_error_m,
-        Claim::Between(a, b) => is_between(own, around.bounds(a), around.bounds(b)),
-        // The first must stand out; who counts further compares pair by pair.
-        Claim::Nth(1, order) if !matches!(order, Order::FromLeft | Order::FromRight) => {
-            !rivals.is_empty() && rivals.iter().all(|rival| stands_out(order, around, index, *rival))
-        }
-        Claim::Nth(n, order) => {
-            let before = rivals.iter().filter(|rival| comes_before(order, around, **rival, index)).count();
-            let after = rivals.iter().filter(|rival| comes_before(order, around, index, **rival)).count();
-            !rivals.is_empty() && before + 1 == n as usize && before + after == rivals.len()
-        }
-    }
+    holds(claim, around, index, rivals, around.scene.box_error_m)
 }
 
-/// Whether the claim clearly does not hold. Only colours and materials have a doubtful border; they are what a listener may judge otherwise.
+/// Whether the claim clearly does not hold: not for another judge of colours, materials and purposes, not if the boxes are off.
 fn is_false(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]) -> bool {
     let thing = &around.scene.things[index];
     match claim {
@@ -150,7 +129,62 @@ fn is_false(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]
             (None, None) => false,
         },
         Claim::Material(word) => thing.material.as_ref().is_some_and(|material| material != word),
-        _ => !is_true(claim, around, index, rivals),
+        Claim::Function(phrase) => thing.function.as_ref().is_some_and(|function| function != phrase),
+        // An order that is clear one way is clear the other way.
+        Claim::Nth(..) => !is_true(claim, around, index, rivals),
+        _ => !holds(claim, around, index, rivals, -around.scene.box_error_m),
+    }
+}
+
+/// The claim with every border moved by `margin_m`: up for what must be clear, down for what must be excluded.
+fn holds(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize], margin_m: f64) -> bool {
+    let own = around.bounds(index);
+    let thing = &around.scene.things[index];
+    // What depends on the viewer must hold from wherever he may stand, and may not hold from anywhere if it is to be excluded.
+    let seen = |holds: &dyn Fn(&Point3<f64>) -> bool| {
+        if margin_m < 0.0 { around.eyes().iter().any(holds) } else { around.eyes().iter().all(holds) }
+    };
+    // No margin loosens what makes a claim true; shares move by as much as lengths, in metres.
+    let (share, loose_m) = (margin_m, margin_m.min(0.0));
+    match *claim {
+        Claim::Color(word) => match &thing.color_name {
+            Some(name) => is_one_color(name, word),
+            None => thing.color.is_some_and(|rgb| is_called(word, &rgb) == Some(true)),
+        },
+        Claim::Material(ref word) => thing.material.as_ref() == Some(word),
+        Claim::Function(ref phrase) => thing.function.as_ref() == Some(phrase),
+        Claim::InGroup(anchor) => {
+            let scene = around.scene;
+            let is_support = |group: usize| scene.groups[group].support == Some(scene.things[anchor].id);
+            index != anchor && thing.group.is_some_and(is_support)
+        }
+        Claim::On(anchor) => {
+            let dz_m = own.min.z - around.bounds(anchor).max.z;
+            overlap_share(own, around.bounds(anchor)) > 0.5 + share && dz_m.abs() < 0.1 - loose_m
+        }
+        Claim::In(anchor) => share_inside(own, around.bounds(anchor)) > 0.7 + share,
+        Claim::Under(anchor) => {
+            let anchor = around.bounds(anchor);
+            overlap_share(own, anchor) > 0.5 + share && anchor.min.z - own.max.z > -0.05 + loose_m
+        }
+        // What has a front has it whoever looks.
+        Claim::InFrontOf(anchor) | Claim::Behind(anchor) if around.scene.things[anchor].front.is_some() => false,
+        Claim::LeftOf(anchor) => seen(&|eye| beside_m(around, eye, index, anchor, margin_m).x > BESIDE_M + margin_m),
+        Claim::RightOf(anchor) => seen(&|eye| -beside_m(around, eye, index, anchor, margin_m).x > BESIDE_M + margin_m),
+        Claim::InFrontOf(anchor) => {
+            seen(&|eye| -beside_m(around, eye, index, anchor, margin_m).y > BESIDE_M + margin_m)
+        }
+        Claim::Behind(anchor) => seen(&|eye| beside_m(around, eye, index, anchor, margin_m).y > BESIDE_M + margin_m),
+        Claim::Between(a, b) => is_between(own, around.bounds(a), around.bounds(b), margin_m),
+        // The first must stand out; who counts further compares pair by pair.
+        Claim::Nth(1, order) if !matches!(order, Order::FromLeft | Order::FromRight) => {
+            !rivals.is_empty() && rivals.iter().all(|rival| stands_out(order, around, index, *rival))
+        }
+        Claim::Nth(n, order) => {
+            let before = rivals.iter().filter(|rival| comes_before(order, around, **rival, index)).count();
+            let after = rivals.iter().filter(|rival| comes_before(order, around, index, **rival)).count();
+            !rivals.is_empty() && before + 1 == n as usize && before + after == rivals.len()
+        }
     }
 }
 
@@ -185,8 +219,8 @@ fn comes_before(order: Order, around: &Surroundings, first: usize, second: usize
         Order::Lowest => is_higher(b, a, doubt_m),
         Order::FromLeft | Order::FromRight => {
             // Somebody who sees both at once; 0.02 rad is a hand's breadth across the room.
-            let turn_rad = turn_rad(&around.eye, a, b) * if order == Order::FromLeft { -1.0 } else { 1.0 };
-            (0.02..1.2).contains(&turn_rad)
+            let sign = if order == Order::FromLeft { -1.0 } else { 1.0 };
+            around.eyes().iter().all(|eye| (0.02..1.2).contains(&(sign * turn_rad(eye, a, b))))
         }
     }
 }
@@ -220,18 +254,19 @@ fn height_m(bounds: &Aabb) -> f64 {
 }
 
 /// Metres to the left of the anchor and beyond it, for somebody at the eye who looks at it. The smaller of the two is zero if it is less than half
-/// of the other, and both are if neither is much larger: then people say neither. So they do beyond 3 m.
-fn beside_m(around: &Surroundings, own: usize, anchor: usize) -> Vector2<f64> {
+/// of the other, and both are if neither is much larger: then people say neither. So they do beyond 3 m. A margin moves these borders.
+fn beside_m(around: &Surroundings, eye: &Point3<f64>, own: usize, anchor: usize, margin_m: f64) -> Vector2<f64> {
     /// Farther away, nobody says "beside".
     const FAR_M: f64 = 3.0;
+    let (far_m, ratio) = (FAR_M - margin_m, 2.0 * (1.0 + 2.0 * margin_m));
     let center = |index: usize| around.bounds(index).center().xy().coords;
-    let ahead = center(anchor) - around.eye.xy().coords;
+    let ahead = center(anchor) - eye.xy().coords;
     let Some(ahead) = ahead.try_normalize(0.3) else { return Vector2::zeros() };
     let offset = center(own) - center(anchor);
-    let (left_m, far_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
+    let (left_m, beyond_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
     let only =
-        |value: f64, other: f64| if value.abs() > 2.0 * other.abs() && value.abs() < FAR_M { value } else { 0.0 };
-    Vector2::new(only(left_m, far_m), only(far_m, left_m))
+        |value: f64, other: f64| if value.abs() > ratio * other.abs() && value.abs() < far_m { value } else { 0.0 };
+    Vector2::new(only(left_m, beyond_m), only(beyond_m, left_m))
 }
 
 /// By how much somebody at `eye` turns left from `own` to `other`, radians.
@@ -243,7 +278,7 @@ fn turn_rad(eye: &Point3<f64>, own: &Aabb, other: &Aabb) -> f64 {
     (a.x * b.y - a.y * b.x).atan2(a.dot(&b))
 }
 
-fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {
+fn is_between(own: &Aabb, a: &Aabb, b: &Aabb, margin_m: f64) -> bool {
     let center = |bounds: &Aabb| Vector2::new(0.5 * (bounds.min.x + bounds.max.x), 0.5 * (bounds.min.y + bounds.max.y));
     let (p, q, s) = (center(a), center(b), center(own));
     let axis = q - p;
@@ -253,7 +288,7 @@ fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {
     }
     let along = (s - p).dot(&axis) / (length_m * length_m);
     let across_m = ((s - p).x * axis.y - (s - p).y * axis.x).abs() / length_m;
-    (0.2..0.8).contains(&along) && across_m < 0.4
+    (0.2 + margin_m / 2.0..0.8 - margin_m / 2.0).contains(&along) && across_m < 0.4 - margin_m
 }
 
 /// Share of the box that lies within the other.

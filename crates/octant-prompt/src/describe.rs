@@ -370,6 +370,7 @@ fn true_claims(around: &Surroundings, index: usize, anchors: &[usize]) -> Vec<Cl
     let betweens =
         anchors.iter().enumerate().flat_map(|(at, a)| anchors[at + 1..].iter().map(move |b| Claim::Between(*a, *b)));
     let material = around.scene.things[index].material.clone().map(Claim::Material);
+    let function = around.scene.things[index].function.clone().map(Claim::Function);
     let orders = orders(anchors);
     let counted = (2..=(rivals.len() as u32 + 1).min(MAX_COUNT))
         .flat_map(|n| orders.iter().map(move |order| Claim::Nth(n, *order)));
@@ -378,7 +379,9 @@ fn true_claims(around: &Surroundings, index: usize, anchors: &[usize]) -> Vec<Cl
         .chain(each(Claim::Under))
         .chain(COLORS.map(Claim::Color))
         .chain(material)
+        .chain(each(Claim::InGroup))
         .chain(orders.iter().map(|order| Claim::Nth(1, *order)))
+        .chain(function)
         .chain(each(Claim::LeftOf))
         .chain(each(Claim::RightOf))
         .chain(each(Claim::InFrontOf))
