@@ -125,7 +125,8 @@ mod tests {
     #[test]
     fn percentages_end_at_a_hundred_and_names_are_escaped() {
         let svg = bars("right", "%", &["D1"], &[("a<b", vec![100.0]), ("c", vec![80.0]), ("d", vec![16.0])]);
-        let marks: Vec<&str> = svg.split('>').filter_map(|part| part.trim().strip_suffix("</text")).map(str::trim).collect();
+        let marks: Vec<&str> =
+            svg.split('>').filter_map(|part| part.trim().strip_suffix("</text")).map(str::trim).collect();
         assert!(marks.contains(&"100.0") && !marks.contains(&"120.0"), "{marks:?}");
         assert!(svg.contains("a&lt;b") && !svg.contains("a<b"), "{svg}");
     }

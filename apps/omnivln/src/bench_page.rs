@@ -107,6 +107,12 @@ mod tests {
             rest: "<p>more</p>".into(),
         };
         let html = page.html();
-        assert!(html.contains("<td>2.0</td>") && html.contains("<svg") && html.contains("<p>more</p>") && !html.contains("t<b>"), "{html}");
+        assert!(
+            html.contains("<td>2.0</td>")
+                && html.contains("<svg")
+                && html.contains("<p>more</p>")
+                && !html.contains("t<b>"),
+            "{html}"
+        );
     }
 }

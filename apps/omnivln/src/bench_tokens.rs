@@ -160,7 +160,7 @@ fn answer(reply: &Reply, prompt: &Prompt) -> String {
     let (verb, target) = action.trim_end_matches(')').split_once('(').unwrap_or((&action, ""));
     let said = |index: usize| reply.trace.get(index).map_or("", |line| line.output.as_str());
     json!({
-        "room": said(0), "direction": said(1), "group": said(2), "object": said(3), "action": verb, "target": target,
+        "room": said(0), "direction": said(1), "group": said(2), "object": said(3), "target": target, "stop": verb == "stop",
     })
     .to_string()
 }

@@ -41,7 +41,8 @@ const MATERIALS: &[(&str, &str)] = &[
 ];
 
 /// Phrases after which a caption says what a thing is for.
-const PURPOSES: &[&str] = &["used for ", "used to ", "meant for ", "intended for ", "suitable for ", "its purpose is ", "for "];
+const PURPOSES: &[&str] =
+    &["used for ", "used to ", "meant for ", "intended for ", "suitable for ", "its purpose is ", "for "];
 
 /// What the caption says in words, and the name of the measured colour where the caption names none.
 pub fn attributes_of(caption: &str, color: Option<[u8; 3]>) -> BTreeMap<String, String> {
@@ -153,10 +154,16 @@ mod tests {
         assert_eq!(found["color"], "red");
         assert_eq!(found["material"], "ceramic");
         assert_eq!(found["function"], "drinking coffee");
-        let window = attributes_of("A white window on the wall. It is next to a brown paper stack. Its purpose is letting in light.", None);
+        let window = attributes_of(
+            "A white window on the wall. It is next to a brown paper stack. Its purpose is letting in light.",
+            None,
+        );
         assert!(!window.contains_key("material"), "the stack is of paper: {window:?}");
         assert_eq!(window["function"], "letting in light");
-        assert_eq!(attributes_of("the picture shows a desk, on the floor. The surface is wood and looks clean.", None)["material"], "wood");
+        assert_eq!(
+            attributes_of("the picture shows a desk, on the floor. The surface is wood and looks clean.", None)["material"],
+            "wood"
+        );
         assert_eq!(attributes_of("", Some([30, 60, 200]))["color"], "blue");
         assert!(attributes_of("", None).is_empty());
     }

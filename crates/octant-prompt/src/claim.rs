@@ -101,7 +101,11 @@ impl Claim {
                 let support = name(*a);
                 // A support that needs more words than its own noun comes last: "in the group of the desk closest to the door".
                 let is_plain = !support.contains(" the ");
-                after(if is_plain { format!("in the {support} group") } else { format!("in the group of the {support}") })
+                after(if is_plain {
+                    format!("in the {support} group")
+                } else {
+                    format!("in the group of the {support}")
+                })
             }
             Claim::On(a) => after(format!("on the {}", name(*a))),
             Claim::In(a) => after(format!("in the {}", name(*a))),

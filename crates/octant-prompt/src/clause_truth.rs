@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 use crate::claim::{Claim, Group, Order};
 use crate::color_truth::is_called;
 use crate::refer_set::middle_of;
-use crate::scene::Scene;
+use crate::scene::{Scene, Thing};
 
 /// The things among which a description must be true of one alone, and where its viewer stands.
 #[derive(Debug, Clone)]
@@ -32,10 +32,16 @@ impl<'a> Surroundings<'a> {
         Surroundings { scene, things, eye }
     }
 
-    /// The things with the same label as the one at `index`, without it.
+    /// The things with the same label as the one at `index`, without it; and those that may bear it, by their votes.
     pub fn twins(&self, index: usize) -> Vec<usize> {
+        let may_be = |other: &usize| *other != index && may_be_called(self.scene, *other, self.scene.label(index));
+        self.things.iter().copied().filter(may_be).collect()
+    }
+
+    /// Whether nobody can say how many things of the label there are.
+    fn has_doubtful_twins(&self, index: usize) -> bool {
         let label = self.scene.label(index);
-        self.things.iter().copied().filter(|other| *other != index && self.scene.label(*other) == label).collect()
+        self.twins(index).iter().any(|other| self.scene.label(*other) != label)
     }
 
     /// Where the viewer may stand: in the middle, and, where the boxes were measured, within half a metre of it. A room of which a part was not
@@ -55,6 +61,39 @@ impl<'a> Surroundings<'a> {
     }
 }
 
+/// Votes for another label, relative to the winner's, above which a thing may be called by it.
+const DOUBTFUL_VOTES: f64 = 0.3;
+
+fn may_be_called(scene: &Scene, index: usize, label: &str) -> bool {
+    let classes = &scene.things[index].classes;
+    let bears =
+        |(class, weight): &(u32, f64)| *weight >= DOUBTFUL_VOTES && scene.classes[*class as usize].text == label;
+    classes.iter().any(bears)
+}
+
+/// Whether a thing is fit to say where another one is, or to tell a room by: nothing else was voted for nearly as often, and no other thing
+/// takes up its place, as doubles do in a map.
+pub(crate) fn is_sure(scene: &Scene, index: usize) -> bool {
+    /// Common share of two boxes that are one thing twice.
+    const DOUBLE: f64 = 0.4;
+    let thing = &scene.things[index];
+    if thing.classes.iter().skip(1).any(|(_, weight)| *weight >= DOUBTFUL_VOTES) {
+        return false;
+    }
+    let is_double = |other: &Thing| {
+        let common: f64 = (0..3)
+            .map(|k| {
+                let common_m =
+                    other.bounds.max[k].min(thing.bounds.max[k]) - other.bounds.min[k].max(thing.bounds.min[k]);
+                common_m.max(0.0)
+            })
+            .product();
+        let both = thing.bounds.volume_m3() + other.bounds.volume_m3() - common;
+        other.id != thing.id && common > DOUBLE * both
+    };
+    scene.box_error_m == 0.0 || !scene.things.iter().any(is_double)
+}
+
 /// Whether all claims hold of the thing at `index` and of no other with its label: among those of the group, if there is one.
 pub fn singles_out(group: Option<&Group>, claims: &[Claim], around: &Surroundings, index: usize) -> bool {
     if !around.things.contains(&index) {
@@ -65,6 +104,9 @@ pub fn singles_out(group: Option<&Group>, claims: &[Claim], around: &Surrounding
         Some(group) => others_of_group(group, around, index),
     };
     let Some(members) = members else { return false };
+    if (group.is_some() || claims.iter().any(Claim::is_ordinal)) && around.has_doubtful_twins(index) {
+        return false; // counted among how many?
+    }
     let among =
         |own: usize| -> Vec<usize> { members.iter().copied().chain([index]).filter(|other| *other != own).collect() };
     claims.iter().all(|claim| is_true(claim, around, index, &members))
@@ -235,8 +277,15 @@ fn is_nearer(seen_m: f64, a: &Aabb, b: &Aabb, to: &Aabb) -> bool {
     gap_m(a) + seen_m < gap_m(b) || (gap_m(a) <= gap_m(b) + 1e-9 && middles_m(a) + seen_m < middles_m(b))
 }
 
+/// Larger by volume; where boxes were measured, also by the two longest sides: a thing of which one face was seen has a thin box.
 fn is_larger(a: &Aabb, b: &Aabb, doubt_m: f64) -> bool {
-    size_m(a) - doubt_m > SEEN_RATIO * (size_m(b) + doubt_m)
+    let longest_m = |bounds: &Aabb| {
+        let sides: [f64; 3] = std::array::from_fn(|k| bounds.max[k] - bounds.min[k]);
+        let thinnest = sides.iter().copied().fold(f64::INFINITY, f64::min);
+        (sides.iter().product::<f64>() / thinnest.max(1e-9)).sqrt()
+    };
+    let is_larger = |a_m: f64, b_m: f64| a_m - doubt_m > SEEN_RATIO * (b_m + doubt_m);
+    is_larger(size_m(a), size_m(b)) && (doubt_m == 0.0 || is_larger(longest_m(a), longest_m(b)))
 }
 
 /// Seen at once, or closely where one lies over the other.

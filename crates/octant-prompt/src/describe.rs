@@ -15,7 +15,7 @@ use dsg::ObjectId;
 use rustc_hash::FxHashMap;
 
 use crate::claim::{Claim, Group, Order, noun_phrase};
-use crate::clause_truth::{Surroundings, is_true, singles_out};
+use crate::clause_truth::{Surroundings, is_sure, is_true, singles_out};
 use crate::color_truth::COLORS;
 use crate::grounding::{Scene, ground, room_score};
 use crate::parser::parse_referring;
@@ -118,8 +118,8 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
     const MAX_MARKS: usize = 3;
     let Some(room) = scene.things[index].room else { return Vec::new() };
     let facts = &scene.rooms[room];
-    /// Below this the kind of a room is a guess that may send people elsewhere.
-    const LEAST_CONFIDENCE: f64 = 0.5;
+    /// Below this the kind of a room is a guess that may send people elsewhere: a lab that was taken for an office had 0.52.
+    const LEAST_CONFIDENCE: f64 = 0.6;
     let name = match &facts.kind {
         Some((kind, confidence)) if *confidence >= LEAST_CONFIDENCE => kind.as_str(),
         Some(_) => "",
@@ -141,6 +141,7 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
         }
         let mut marks: Vec<&str> = (0..scene.things.len())
             .filter(|other| scene.things[*other].room == Some(room) && scene.label(*other) != scene.label(index))
+            .filter(|other| is_sure(scene, *other))
             .map(|other| scene.label(other))
             .filter(|label| !is_hull(label) && rooms.iter().all(|other| *other == room || !holds(*other, label)))
             .collect();
@@ -336,6 +337,7 @@ fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String, Option<Cl
         .iter()
         .copied()
         .filter(|other| *other != index && scene.label(*other) != scene.label(index) && !is_hull(scene.label(*other)))
+        .filter(|other| is_sure(scene, *other))
         .map(|other| (scene.things[other].bounds.gap_m(own), other))
         .collect();
     others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -66,7 +66,10 @@ mod tests {
         assert_eq!(best("the chair in the group of the desk farthest from the dining table", &scene), 5);
         assert_eq!(best("the chair in the dining table group closest to the desk", &scene), 2);
         assert_eq!(best("the chair used for reaching the top shelf", &scene), 6);
-        assert!([2, 3].contains(&best("the chair in the dining table group and not used for reaching the top shelf", &scene)));
+        assert!(
+            [2, 3]
+                .contains(&best("the chair in the dining table group and not used for reaching the top shelf", &scene))
+        );
         let viewer = Viewer { position: Point3::new(3.5, 0.2, 1.5), forward: None };
         assert_eq!(group_score(4, 3, &scene, &viewer), 1.0);
         assert!(group_score(5, 3, &scene, &viewer) < 0.1, "it stands by itself");

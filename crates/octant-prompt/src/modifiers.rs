@@ -190,8 +190,7 @@ impl Parser<'_> {
             Some(_) => false,
         };
         let count = (0..).find(|at| ends(*at)).unwrap_or(0);
-        let words: Vec<&str> =
-            self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
+        let words: Vec<&str> = self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
         self.at += count;
         if !words.is_empty() {
             head.attributes.push(Attribute { kind: AttributeKind::Function, word: words.join(" "), negated });

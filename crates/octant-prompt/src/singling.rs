@@ -7,8 +7,8 @@
 use dsg::{Aabb, ObjectId};
 use nalgebra::{Point2, Vector2};
 
-use crate::groups::group_score;
 use crate::grounding::{Match, shape};
+use crate::groups::group_score;
 use crate::instruction::SpatialRelation;
 use crate::oriented_box::OrientedBox;
 use crate::relations::{Shape, Viewer, between_score, facing_front, relation_score};

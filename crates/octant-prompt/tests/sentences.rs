@@ -40,7 +40,8 @@ fn halls() -> Scene {
     ];
     for (id, label, [x, y, z], side_m, color, room) in things {
         let bounds = Aabb::from_center(Point3::new(x, y, z), Vector3::repeat(side_m));
-        let mut object = Object { room: Some(RoomId(room)), confirmed: true, ..Object::new(ObjectId(id), label, bounds) };
+        let mut object =
+            Object { room: Some(RoomId(room)), confirmed: true, ..Object::new(ObjectId(id), label, bounds) };
         object.attributes.insert("color".into(), color.into());
         graph.apply(Op::PutObject(Box::new(object))).expect("object");
     }

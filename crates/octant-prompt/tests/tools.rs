@@ -106,7 +106,10 @@ fn between_orders_rooms_ways_and_facts() {
     let cut_off = ask("path_length", json!({"id": "room1"})).expect("known");
     assert_eq!(cut_off, json!({"path_m": null, "reachable": false}));
     let facts = ask("describe", json!({"id": "lamp1"})).expect("known");
-    assert_eq!((&facts["class"], &facts["caption"], &facts["room"]), (&json!("lamp"), &json!("a tall lamp"), &json!("room0")));
+    assert_eq!(
+        (&facts["class"], &facts["caption"], &facts["room"]),
+        (&json!("lamp"), &json!("a tall lamp"), &json!("room0"))
+    );
     assert_eq!(facts["octant"], "front-left-bottom");
     assert_eq!(facts["size_m"], json!([0.3, 0.3, 0.3]));
 }
@@ -132,8 +135,22 @@ fn every_tool_that_is_offered_exists_and_the_promised_ones_are_offered() {
         assert_ne!(ask(name, json!({})), Err(ToolError::UnknownTool), "{name}");
     }
     for promised in [
-        "find_above", "find_below", "find_on", "find_supporting", "find_near", "find_farthest", "find_between", "find_left_of",
-        "find_right_of", "find_in_front_of", "find_behind", "order_by", "objects_in", "rooms_with", "path_length", "describe",
+        "find_above",
+        "find_below",
+        "find_on",
+        "find_supporting",
+        "find_near",
+        "find_farthest",
+        "find_between",
+        "find_left_of",
+        "find_right_of",
+        "find_in_front_of",
+        "find_behind",
+        "order_by",
+        "objects_in",
+        "rooms_with",
+        "path_length",
+        "describe",
     ] {
         assert!(offered.contains(&promised), "{promised}");
     }
