@@ -46,14 +46,11 @@ impl<'a> Surroundings<'a> {
 
     /// Where the viewer may stand: in the middle, and, where the boxes were measured, within half a metre of it. A room of which a part was not
     /// seen has another middle.
-    fn eyes(&self) -> Vec<Point3<f64>> {
+    fn eyes(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
         const DOUBT_M: f64 = 0.5;
-        let around: &[(f64, f64)] = if self.scene.box_error_m > 0.0 {
-            &[(0.0, 0.0), (DOUBT_M, 0.0), (-DOUBT_M, 0.0), (0.0, DOUBT_M), (0.0, -DOUBT_M)]
-        } else {
-            &[(0.0, 0.0)]
-        };
-        around.iter().map(|(x, y)| self.eye + Vector3::new(*x, *y, 0.0)).collect()
+        const AROUND: [(f64, f64); 5] = [(0.0, 0.0), (DOUBT_M, 0.0), (-DOUBT_M, 0.0), (0.0, DOUBT_M), (0.0, -DOUBT_M)];
+        let count = if self.scene.box_error_m > 0.0 { AROUND.len() } else { 1 };
+        AROUND[..count].iter().map(|(x, y)| self.eye + Vector3::new(*x, *y, 0.0))
     }
 
     fn bounds(&self, index: usize) -> &'a Aabb {
@@ -184,7 +181,8 @@ fn holds(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize], m
     let thing = &around.scene.things[index];
     // What depends on the viewer must hold from wherever he may stand, and may not hold from anywhere if it is to be excluded.
     let seen = |holds: &dyn Fn(&Point3<f64>) -> bool| {
-        if margin_m < 0.0 { around.eyes().iter().any(holds) } else { around.eyes().iter().all(holds) }
+        let mut eyes = around.eyes();
+        if margin_m < 0.0 { eyes.any(|eye| holds(&eye)) } else { eyes.all(|eye| holds(&eye)) }
     };
     // No margin loosens what makes a claim true; shares move by as much as lengths, in metres.
     let (share, loose_m) = (margin_m, margin_m.min(0.0));
@@ -262,7 +260,7 @@ fn comes_before(order: Order, around: &Surroundings, first: usize, second: usize
         Order::FromLeft | Order::FromRight => {
             // Somebody who sees both at once; 0.02 rad is a hand's breadth across the room.
             let sign = if order == Order::FromLeft { -1.0 } else { 1.0 };
-            around.eyes().iter().all(|eye| (0.02..1.2).contains(&(sign * turn_rad(eye, a, b))))
+            around.eyes().all(|eye| (0.02..1.2).contains(&(sign * turn_rad(&eye, a, b))))
         }
     }
 }
