@@ -48,8 +48,12 @@ pub struct BenchNav {
     pub success_rate: f64,
     /// Mean SPL.
     pub spl_mean: f64,
-    /// Touches in all runs.
+    /// Touches of buildings and things in all runs.
     pub collisions: usize,
+    /// People who walked about in each run.
+    pub people: u32,
+    /// Touches of people while the robot moved, in all runs.
+    pub contacts_with_people: usize,
     /// Simulated seconds of all runs over seconds on the wall.
     pub realtime_factor: f64,
     /// Seconds on the wall.
@@ -103,6 +107,8 @@ pub fn bench_nav(
         success_rate: runs.iter().filter(|run| run.success).count() as f64 / count,
         spl_mean: runs.iter().map(|run| run.spl).sum::<f64>() / count,
         collisions: runs.iter().map(|run| run.collisions).sum(),
+        people: config.simulation.crowd.people,
+        contacts_with_people: runs.iter().map(|run| run.contacts_with_people).sum(),
         realtime_factor: runs.iter().map(|run| run.sim_s).sum::<f64>() / wall_s.max(1e-9),
         wall_s,
         drawn,

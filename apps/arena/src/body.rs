@@ -33,6 +33,7 @@ pub struct SimulatedBody {
     counter: TouchCounter,
     reported: usize,
     floor_z_m: f64,
+    is_walker: bool,
     hover_radps: f64,
     has_power: bool,
 }
@@ -79,7 +80,8 @@ impl SimulatedBody {
             RobotKind::Aerial => quadrotor_config(robot).hover_speed_radps(),
         };
         let counter = TouchCounter::new(RELEASE_S);
-        Ok(SimulatedBody { kind, contacts, counter, reported: 0, floor_z_m, hover_radps, has_power: true })
+        let is_walker = robot.kind == RobotKind::Ground;
+        Ok(SimulatedBody { kind, contacts, counter, reported: 0, floor_z_m, is_walker, hover_radps, has_power: true })
     }
 
     /// Hears a new command.
@@ -120,21 +122,30 @@ impl SimulatedBody {
                     let dt_s = tick_ns as f64 * 1e-9 / steps as f64;
                     let contacts = quadrotor.step(dt_s, &speeds, Some(&mut self.contacts)).context("flying")?;
                     let floor_z_m = self.floor_z_m;
-                    touched.extend(contacts.into_iter().filter(|contact| !is_landing(contact, &state, floor_z_m)));
+                    let speed_mps = state.velocity_world.norm();
+                    touched.extend(contacts.into_iter().filter(|contact| !is_landing(contact, speed_mps, floor_z_m)));
                 }
                 touched
             }
             (Kind::Towed(body), _) => {
                 body.forget_before(now_ns - MEMORY_NS);
                 let contacts = body.step(tick_ns as f64 * 1e-9, Some(&mut self.contacts)).context("towing the body")?;
-                let (state, floor_z_m) = (body.state(), self.floor_z_m);
-                contacts.into_iter().filter(|contact| !is_landing(contact, &state, floor_z_m)).collect()
+                // Whoever walks has feet on the floor at any speed; only how fast they come down counts.
+                let velocity = body.state().velocity_world;
+                let speed_mps = if self.is_walker { velocity.z.abs() } else { velocity.norm() };
+                let floor_z_m = self.floor_z_m;
+                contacts.into_iter().filter(|contact| !is_landing(contact, speed_mps, floor_z_m)).collect()
             }
             // A command for another body: nothing moves, nothing breaks.
             _ => Vec::new(),
         };
         self.counter.observe(&touched);
         Ok(())
+    }
+
+    /// Something that moves goes on, as in the world ([`World::go_on`]).
+    pub fn go_on(&mut self, mover: usize, stamp_ns: i64, pose: Isometry3<f64>, keep_ns: i64) {
+        self.contacts.go_on(mover, stamp_ns, pose, keep_ns);
     }
 
     /// The battery is empty: rotors stop.
@@ -157,6 +168,13 @@ impl SimulatedBody {
         new
     }
 
+    /// Whether it is under way: faster than what a controller at rest trembles with.
+    pub fn moves(&self) -> bool {
+        const REST: (f64, f64) = (0.02, 0.05);
+        let state = self.state();
+        state.velocity_world.norm() > REST.0 || state.angular_velocity_body.norm() > REST.1
+    }
+
     /// State now.
     pub fn state(&self) -> KinematicState {
         match &self.kind {
@@ -177,11 +195,11 @@ impl SimulatedBody {
 }
 
 /// Standing on the floor, taking off from it or coming down on it gently is no collision.
-fn is_landing(contact: &Contact, state: &KinematicState, floor_z_m: f64) -> bool {
+fn is_landing(contact: &Contact, speed_mps: f64, floor_z_m: f64) -> bool {
     contact.instance == 0
         && contact.normal.z.abs() > 0.7
         && contact.point.z - floor_z_m < 0.05
-        && state.velocity_world.norm() < LANDING_MPS
+        && speed_mps < LANDING_MPS
 }
 
 fn ground_base(robot: &RobotModel, start: &Isometry3<f64>, floor_z_m: f64) -> Result<GroundBase> {

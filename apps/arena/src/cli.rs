@@ -16,6 +16,7 @@ use crate::run::{Progress, RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scene, draw_start, robot_truth};
 use crate::task::Task;
+use crate::vehicle::Vehicle;
 use crate::write_run::write_run;
 
 /// Whole program of a reference robot. `default_scene` is the named scene used without `--scene`.
@@ -76,19 +77,12 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
-    #[cfg(feature = "px4")]
-    let mut vehicle = crate::px4_vehicle::Px4Vehicle::open(&options.px4, &robot, &start, &stop)?;
-    #[cfg(feature = "px4")]
-    if vehicle.is_some() {
-        config.mission.tracking_margin_m = crate::px4_vehicle::TRACKING_MARGIN_M;
-    }
-    #[cfg(not(feature = "px4"))]
-    let mut vehicle = None;
+    let mut vehicle = open_vehicle(options, &robot, &start, &stop, &mut config)?;
 
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
     let view = ProgressView::new(config.max_time_s as u64, "{elapsed_precise} {spinner} {wide_msg}", options.quiet);
-    // An error ends the run here; the vehicle, dropped, has itself landed.
+    // An error ends the run here; the vehicle, dropped, lands or lies down.
     let setup = Setup {
         config: &config,
         robot: &robot,
@@ -97,7 +91,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         start: &start,
         known,
         seed: options.seed,
-        vehicle: vehicle.as_mut(),
+        vehicle: vehicle.as_deref_mut(),
     };
     let result = run(setup, &stop, &mut |progress| show(&view, progress))?;
     view.finish();
@@ -126,6 +120,27 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         crate::say!("Look at {}", path.join("report.html").display());
     }
     Ok(summary.success)
+}
+
+/// What moves in place of the simulated body, if the command line names something; ready to go, at `start`.
+#[allow(unused_variables)] // without features nobody but the simulation moves the body
+fn open_vehicle(
+    options: &Options,
+    robot: &RobotModel,
+    start: &nalgebra::Isometry3<f64>,
+    stop: &Arc<AtomicBool>,
+    config: &mut RunConfig,
+) -> Result<Option<Box<dyn Vehicle>>> {
+    #[cfg(feature = "px4")]
+    if let Some(px4) = crate::px4_vehicle::Px4Vehicle::open(&options.px4, robot, start, stop)? {
+        config.mission.tracking_margin_m = crate::px4_vehicle::TRACKING_MARGIN_M;
+        return Ok(Some(Box::new(px4)));
+    }
+    #[cfg(feature = "unitree")]
+    if let Some(dog) = crate::unitree_vehicle::UnitreeVehicle::open(&options.unitree, robot, start, stop)? {
+        return Ok(Some(Box::new(dog)));
+    }
+    Ok(None)
 }
 
 /// The word in summaries and folder names.

@@ -13,14 +13,15 @@ pub mod cli;
 pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
-pub mod floor;
 pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
+pub mod people;
 pub mod pilot;
 pub mod progress;
 pub mod px4_vehicle;
+pub mod real_time;
 pub mod record;
 pub mod record_topics;
 pub mod record_truth;
@@ -37,6 +38,9 @@ pub mod survey;
 pub mod task;
 pub mod tour;
 pub mod toured_scene;
+#[cfg(feature = "unitree")]
+pub mod unitree_vehicle;
+pub mod vehicle;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;

@@ -91,10 +91,23 @@ pub struct Options {
     #[command(flatten)]
     pub px4: Px4Options,
 
+    /// A walking robot in place of the simulated body.
+    #[cfg(feature = "unitree")]
+    #[command(flatten)]
+    pub unitree: UnitreeOptions,
+
     /// The simulated aircraft's battery lasts for so many seconds of hovering: it flies nowhere from where it could not come back, and
     /// returns or lands in time. Without it: for ever
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
     pub battery: Option<f64>,
+
+    /// So many people walk about in the building (0 to 10)
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
+    pub people: u32,
+
+    /// The people do not heed the robot
+    #[arg(long, requires = "people")]
+    pub heedless: bool,
 
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
@@ -119,6 +132,18 @@ pub struct Px4Options {
     /// Sign every frame, and demand signatures, with the key in FILE: 64 hexadecimal digits
     #[arg(long = "px4-key", value_name = "FILE", requires = "address")]
     pub key: Option<PathBuf>,
+}
+
+/// The robot that walks.
+#[derive(Debug, Clone, Args)]
+pub struct UnitreeOptions {
+    /// Walk with a Unitree robot, in real time, that is at this network interface; lo for one on this machine
+    #[arg(long = "unitree", value_name = "INTERFACE")]
+    pub interface: Option<String>,
+
+    /// DDS domain of that robot
+    #[arg(long = "unitree-domain", value_name = "ID", default_value_t = 0, requires = "interface", value_parser = clap::value_parser!(u16).range(..=232))]
+    pub domain: u16,
 }
 
 /// A pose on the command line: x, y, z in metres, yaw in degrees (turned into radians).

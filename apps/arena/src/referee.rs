@@ -8,8 +8,8 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use omni_sim::building::{Building, ObjectTruth};
 use omni_sim::world::World;
 
-use crate::floor::TrueFloor;
 use crate::task::StepTruth;
+use omni_sim::floor::TrueFloor;
 
 /// Largest distance on the floor between a view point and the object's box.
 pub const VIEW_DISTANCE_M: f64 = 1.0;
@@ -72,7 +72,7 @@ impl<'a> Referee<'a> {
     pub fn view_points(&self, object: &ObjectTruth) -> Vec<usize> {
         let footprint = object.bounds.footprint().grown(VIEW_DISTANCE_M);
         let mut cells = Vec::new();
-        let step = crate::floor::CELL_M;
+        let step = omni_sim::floor::CELL_M;
         let mut y = footprint.min.y;
         while y <= footprint.max.y {
             let mut x = footprint.min.x;
@@ -161,7 +161,7 @@ impl<'a> Referee<'a> {
             let way_m = reach[&here];
             for dy in -1..=1 {
                 for dx in -1..=1 {
-                    let step = nalgebra::Vector2::new(f64::from(dx), f64::from(dy)) * crate::floor::CELL_M;
+                    let step = nalgebra::Vector2::new(f64::from(dx), f64::from(dy)) * omni_sim::floor::CELL_M;
                     let Some(next) = self.floor.cell_of(&(from + step)) else { continue };
                     let next_way_m = way_m + step.norm();
                     let is_shorter = reach.get(&next).is_none_or(|known_m| next_way_m + 1e-9 < *known_m);

@@ -1,5 +1,6 @@
 //! The world's side of the stream: body and physics, sensors, and on request an odometry with a drift of a known size. What leaves it is what a robot could know.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
@@ -13,6 +14,7 @@ use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
 use mission::stream::{BatteryState, Command, SensorEvent};
 use nalgebra::Isometry3;
+use omni_sim::crowd::CrowdConfig;
 use omni_sim::encoder::{EncoderConfig, encoder_sample};
 use omni_sim::imu::{Imu, ImuConfig};
 use omni_sim::lidar::{LidarConfig, RotatingMount, scan_with_truth};
@@ -21,10 +23,12 @@ use omni_sim::panorama::{PanoramaConfig, PanoramaRecord, capture};
 use omni_sim::render::render;
 use omni_sim::segmenter::SegmenterConfig;
 use omni_sim::towed::ToldPose;
+use omni_sim::world::World;
 
 use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
 use crate::estimate_frame::EstimateFrame;
+use crate::people::People;
 use crate::scenario::Scene;
 use crate::surround::Surround;
 
@@ -49,6 +53,8 @@ pub struct SimulationConfig {
     pub is_towed: bool,
     /// The battery of an aircraft, full at the start, lasts for so many seconds of hovering; none is never empty and never heard of.
     pub battery_endurance_s: Option<f64>,
+    /// People who walk about; their seed comes from the run's.
+    pub crowd: CrowdConfig,
     /// Sensors from a rig file; the robot model must be fitted with them ([`Rig::fitted`]).
     pub rig: Option<Rig>,
 }
@@ -78,6 +84,25 @@ pub struct Touch {
     pub what: String,
     /// Where.
     pub at_m: [f64; 3],
+    /// For how long the robot had stood still.
+    pub still_s: f64,
+}
+
+/// What people are called.
+pub const PERSON: &str = "person";
+/// A contact with a robot that stands for so long is the walker's.
+const STANDS_S: f64 = 0.5;
+
+impl Touch {
+    /// Whether the robot, not quite at rest, met somebody.
+    pub fn is_with_person(&self) -> bool {
+        self.what == PERSON && self.still_s < STANDS_S
+    }
+
+    /// Whether it met the building or a thing in it.
+    pub fn is_collision(&self) -> bool {
+        self.what != PERSON
+    }
 }
 
 /// What became of the pictures.
@@ -99,8 +124,12 @@ const TICK_NS: i64 = 5_000_000;
 /// A robot with its sensors in a scene.
 pub struct Simulation<'a> {
     config: SimulationConfig,
-    scene: &'a Scene,
+    /// The scene's, and the people in it.
+    world: Cow<'a, World>,
+    people: Option<People>,
     body: SimulatedBody,
+    /// When the robot moved last.
+    moved_ns: i64,
     mount: RotatingMount,
     imu: Imu,
     drifting: Option<DriftingOdometry>,
@@ -145,6 +174,11 @@ impl<'a> Simulation<'a> {
         if let Some(rig) = &rig {
             config.carry(rig);
         }
+        config.crowd.seed = seed.wrapping_mul(3).wrapping_add(4);
+        let (people, world) = match People::new(config.crowd, &scene.building, &scene.world, robot, start)? {
+            Some((people, world)) => (Some(people), Cow::Owned(world)),
+            None => (None, Cow::Borrowed(&scene.world)),
+        };
         let max_range_m = config.panorama.max_range_m;
         let surround = rig.map(|rig| Surround::new(&rig, max_range_m)).transpose()?.flatten();
         let motor = robot.sensors.lidar;
@@ -155,13 +189,15 @@ impl<'a> Simulation<'a> {
             phase_rad: 0.0,
         };
         Ok(Simulation {
-            body: SimulatedBody::new(robot, &scene.world, start, config.is_towed)?,
+            body: SimulatedBody::new(robot, &world, start, config.is_towed)?,
+            moved_ns: 0,
             imu: Imu::new(config.imu.clone(), robot.sensors.body_from_imu).context("setting up the IMU")?,
             drifting: config.drift.map(|drift| DriftingOdometry::new(drift, seed, start, start_in_map)),
             believed: EstimateFrame::at_start(start, start_in_map),
             body_from_camera: robot.sensors.body_from_camera,
             mount,
-            scene,
+            world,
+            people,
             now_ns: 0,
             steps: 0,
             next_encoder_ns: 0,
@@ -241,12 +277,12 @@ impl<'a> Simulation<'a> {
     /// Which thing truly is in each pixel of a panorama of the last second: column by column, 0 for the structure.
     pub fn true_instances_at(&self, stamp: Stamp) -> Vec<u32> {
         if let Some(surround) = &self.surround {
-            let pictures = surround.photograph(&self.scene.world, self.body.motion(), stamp.0);
+            let pictures = surround.photograph(&self.world, self.body.motion(), stamp.0);
             return pictures.map_or_else(|_| Vec::new(), |pictures| surround.instances(&pictures));
         }
         let world_from_camera = self.true_pose_at(stamp) * self.body_from_camera;
         let camera = &self.config.panorama;
-        render(&self.scene.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
+        render(&self.world.at(stamp.0), &world_from_camera, &camera.view(), camera.max_range_m).instances
     }
 
     /// How many LiDAR points each instance got so far; 0 is the structure.
@@ -303,14 +339,22 @@ impl<'a> Simulation<'a> {
 
     /// Body, contacts, IMU, encoder and odometry for one tick.
     fn tick(&mut self, command: &Command, events: &mut Vec<SensorEvent>) -> Result<()> {
+        if let Some(people) = &mut self.people {
+            people.go_on(self.now_ns + TICK_NS, &self.body.state(), self.world.to_mut(), &mut self.body);
+        }
         self.body.advance(command, self.now_ns, TICK_NS, &self.believed)?;
         self.now_ns += TICK_NS;
+        if self.body.moves() {
+            self.moved_ns = self.now_ns;
+        }
         for touch in self.body.take_touches() {
             let what = match touch.instance {
                 0 => "structure".to_owned(),
-                id => self.scene.building.object(id).map_or_else(|| "thing".to_owned(), |o| o.class.clone()),
+                id => self.world.thing(id).map_or_else(|| "thing".to_owned(), |thing| thing.class.clone()),
             };
-            self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m: touch.point.coords.into() });
+            let still_s = (self.now_ns - self.moved_ns) as f64 * 1e-9;
+            let at_m = touch.point.coords.into();
+            self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m, still_s });
         }
         if let Some(endurance_s) = self.config.battery_endurance_s {
             let drained = self.body.power_share() * TICK_NS as f64 * 1e-9 / endurance_s;
@@ -349,7 +393,7 @@ impl<'a> Simulation<'a> {
     }
 
     fn scan(&mut self) -> Result<RawScan> {
-        let (world, motion) = (&self.scene.world, self.body.motion());
+        let (world, motion) = (&*self.world, self.body.motion());
         let (record, instances) = scan_with_truth(world, motion, &self.mount, &self.config.lidar, self.next_scan_ns)
             .context("casting a scan")?;
         // A row of points on one thing is counted at once.
@@ -383,7 +427,7 @@ impl<'a> Simulation<'a> {
 
     /// Pictures of all lenses, stitched by the robot's side.
     fn look_around(&self, surround: &Surround, clock: &mut StageClock) -> Result<MaskedPanorama> {
-        let (world, motion) = (&self.scene.world, self.body.motion());
+        let (world, motion) = (&*self.world, self.body.motion());
         let pictures = clock.time("sim panorama", || surround.photograph(world, motion, self.now_ns))?;
         let panorama = clock.time("stitching", || surround.stitch(&pictures))?;
         clock.time("sim panorama", || {
@@ -394,7 +438,7 @@ impl<'a> Simulation<'a> {
 
     fn photograph(&self) -> Result<MaskedPanorama> {
         let record = capture(
-            &self.scene.world,
+            &self.world,
             self.body.motion(),
             &self.body_from_camera,
             &self.config.panorama,

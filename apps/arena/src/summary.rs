@@ -44,8 +44,10 @@ pub struct Summary {
     pub prompt_tokens: usize,
     /// Tokens in all answers.
     pub answer_tokens: usize,
-    /// Touches of anything.
+    /// Touches of the building and the things in it.
     pub collisions: usize,
+    /// Touches of people while the robot moved, or less than half a second after.
+    pub contacts_with_people: usize,
     /// Least distance between the robot's outline and an obstacle, as its local policy saw it; `null` before it moved.
     pub min_clearance_m: Option<f64>,
     /// Rooms in the scene graph.

@@ -7,7 +7,7 @@
 use nalgebra::Point2;
 use omni_sim::building::Building;
 
-use crate::floor::TrueFloor;
+use omni_sim::floor::TrueFloor;
 
 /// No place of a room is farther than this from a stop, where the robot fits there.
 const STOP_SPACING_M: f64 = 3.0;

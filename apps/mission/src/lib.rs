@@ -23,6 +23,7 @@ pub mod cycle;
 pub mod drive;
 pub mod emergency;
 pub mod error;
+pub mod flanks;
 pub mod flight_limits;
 pub mod fly;
 pub mod goal;
@@ -63,6 +64,8 @@ pub mod stream;
 #[cfg(test)]
 mod test_events;
 pub mod tum;
+#[cfg(feature = "unitree")]
+pub mod unitree;
 pub mod vision_config;
 pub mod vision_verifier;
 pub mod world_model;

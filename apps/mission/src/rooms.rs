@@ -8,9 +8,12 @@
 //! on above them is a wall however short, and a gap with something over it is a doorway ([`Overhead`]).
 
 use nalgebra::{Point2, Point3};
-use topo_ph::{HysteresisConfig, HysteresisError, NO_PART, PinchConfig, grid_graph, pinch, pinch_from};
+use topo_ph::{
+    Border, HysteresisConfig, HysteresisError, NO_PART, Partition, PinchConfig, grid_graph, pinch, pinch_from,
+};
 use volumetric_map::{Cell, OccupancyGrid, clearance, fill_islands};
 
+use crate::flanks::lies_between_walls;
 use crate::overhead::Overhead;
 
 /// Rays are so far apart where a slice ends to be seen, 15 m away; walls are thicker, and their faces are seen.
@@ -164,14 +167,34 @@ impl RoomMap {
                 pinch_from(&graph, &areas, &pinch_config, &previous, &HysteresisConfig::default())?
             }
         };
-        // 5. What is small and cut off (a view through a window, a gap behind a shelf) is no room.
+        // 5. What is narrow only because nobody has looked further is no opening: its sides are one part. What is small and cut off
+        //    (a view through a window, a gap behind a shelf) is no room.
+        let clearance_at = |vertex: u32| f64::from(clearance_m[cell_of_vertex[vertex as usize] as usize]);
+        let is_opening = |border: &Border| {
+            let (u, v) = graph.edges()[border.edge as usize];
+            let narrow = if clearance_at(u) <= clearance_at(v) { u } else { v };
+            let cell = cell_of_vertex[narrow as usize] as usize;
+            overhead.as_ref().is_some_and(|overhead| overhead.is_under_lintel(cell))
+                || lies_between_walls(&grid, (cell % grid.width, cell / grid.width), clearance_at(narrow))
+        };
+        let whole_of_part = wholes(&partition, &is_opening);
         let mut room_of_part: Vec<Option<u32>> = Vec::with_capacity(partition.parts.len());
-        let mut rooms = Vec::new();
-        for part in &partition.parts {
-            let is_room = part.area >= config.min_area_m2;
+        let mut rooms: Vec<RoomShape> = Vec::new();
+        let area_of = |whole: usize| -> f64 {
+            partition.parts.iter().zip(&whole_of_part).filter(|(_, of)| **of == whole).map(|(part, _)| part.area).sum()
+        };
+        for (index, part) in partition.parts.iter().enumerate() {
+            // The part with the highest peak comes first and stands for the whole.
+            let whole = whole_of_part[index];
+            if whole < index {
+                room_of_part.push(room_of_part[whole]);
+                continue;
+            }
+            let area_m2 = area_of(whole);
+            let is_room = area_m2 >= config.min_area_m2;
             room_of_part.push(is_room.then_some(rooms.len() as u32));
             if is_room {
-                rooms.push(RoomShape { center: center_of(part.peak), area_m2: part.area });
+                rooms.push(RoomShape { center: center_of(part.peak), area_m2 });
             }
         }
         let mut part_of_cell = vec![None; grid.cells.len()];
@@ -183,11 +206,11 @@ impl RoomMap {
             .iter()
             .filter_map(|border| {
                 let (u, v) = graph.edges()[border.edge as usize];
-                let clearance_m = |vertex: u32| f64::from(clearance_m[cell_of_vertex[vertex as usize] as usize]);
-                Some(Doorway {
-                    between: (room_of_part[border.a as usize]? as usize, room_of_part[border.b as usize]? as usize),
+                let between = (room_of_part[border.a as usize]? as usize, room_of_part[border.b as usize]? as usize);
+                (between.0 != between.1).then(|| Doorway {
+                    between,
                     at: nalgebra::center(&center_of(u), &center_of(v)),
-                    width_m: 2.0 * clearance_m(u).min(clearance_m(v)),
+                    width_m: 2.0 * clearance_at(u).min(clearance_at(v)),
                 })
             })
             .collect();
@@ -236,6 +259,16 @@ impl RoomMap {
     pub fn part_of_cell(&self) -> &[Option<u32>] {
         &self.part_of_cell
     }
+}
+
+/// For each part the first of those that it makes one with: what no opening parts is one.
+fn wholes(partition: &Partition, is_opening: &dyn Fn(&Border) -> bool) -> Vec<usize> {
+    let mut whole: Vec<usize> = (0..partition.parts.len()).collect();
+    for border in partition.borders.iter().filter(|border| !is_opening(border)) {
+        let (a, b) = (whole[border.a as usize], whole[border.b as usize]);
+        whole.iter_mut().filter(|of| **of == a || **of == b).for_each(|of| *of = a.min(b));
+    }
+    whole
 }
 
 /// A slice in which unknown slits are free: up to [`MOST_SLIT_M`] between two free cells of a row or a column.

@@ -96,6 +96,12 @@ pub struct NavOptions {
     /// Give up after so many seconds of simulated time
     #[arg(long, default_value_t = 600.0)]
     max_time: f64,
+    /// So many people walk about in each building (0 to 10)
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
+    people: u32,
+    /// The people do not heed the robot
+    #[arg(long, requires = "people")]
+    heedless: bool,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -108,7 +114,9 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
         max_time_s.is_finite() && max_time_s > 0.0,
         "--max-time must be a positive number of seconds, not {max_time_s}"
     );
-    let config = RunConfig { max_time_s, ..asked.config()? };
+    let mut config = RunConfig { max_time_s, ..asked.config()? };
+    config.simulation.crowd.people = options.people;
+    config.simulation.crowd.heeds_robot = !options.heedless;
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
     let result = bench_nav(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;
@@ -149,12 +157,17 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         drawn.shortest_median_m
     );
     arena::say!(
-        "{} of {} right ({:.0} %), mean SPL {:.2}, {} collisions, {:.1}x real time, {:.0} s on the wall",
+        "{} of {} right ({:.0} %), mean SPL {:.2}, {} collisions{}, {:.1}x real time, {:.0} s on the wall",
         result.runs.iter().filter(|run| run.success).count(),
         result.runs.len(),
         result.success_rate * 100.0,
         result.spl_mean,
         result.collisions,
+        if result.people == 0 {
+            String::new()
+        } else {
+            format!(", {} contacts with {} people", result.contacts_with_people, result.people)
+        },
         result.realtime_factor,
         result.wall_s
     );

@@ -52,7 +52,8 @@
 //!    near mode, so that the wall behind a thing does not become part of it ([`label_transfer`]).
 //! 5. [`observe_panorama`]: points, names, colour, video number and weight of each thing; [`LabelVote`]: the vote over
 //!    frames (Eq. 4). [`visible_points`]: the range buffer alone.
-//! 6. [`register`]: the pose between two scans, from a guess ([`registration`]); [`localise()`]: the place of a few scans in a
+//! 6. [`MoverTracker`]: who walks where the map has nothing, and what an image calls them ([`mover_tracker`]).
+//! 7. [`register`]: the pose between two scans, from a guess ([`registration`]); [`localise()`]: the place of a few scans in a
 //!    known map, without any ([`localisation`]).
 //!
 //! # Conventions
@@ -64,7 +65,7 @@
 //!
 //! # What it does not do
 //! It does not close loops (the odometry's map forgets, and is never moved), calibrate the mount or the clocks, run a
-//! segmenter, associate things over time, or keep a map for anyone but the odometry.
+//! segmenter, associate things that stand over time, or keep a map for anyone but the odometry.
 //!
 //! # References
 //! - Xu, Cai, He, Lin, Zhang, "FAST-LIO2: Fast Direct LiDAR-Inertial Odometry", T-RO 2022 (filter, deskew on knots).
@@ -89,6 +90,7 @@ mod mask_index;
 mod mask_order;
 mod mask_outline;
 mod motion_table;
+pub mod mover_tracker;
 mod near_mode;
 pub mod observation;
 pub mod odometry;
@@ -113,6 +115,7 @@ pub use label_names::{LabelNames, LabelTableError, UNKNOWN};
 pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
 pub use localisation::{Candidate, KnownPlace, LocalisationConfig, LocalisationError, Look, Verdict, judge, localise};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
+pub use mover_tracker::{MoverConfig, MoverTrack, MoverTracker};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
 pub use odometry::config::{LioConfig, LioConfigError};
 pub use odometry::inertial::ImuFault;

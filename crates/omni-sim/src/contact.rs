@@ -99,7 +99,7 @@ pub struct ContactWorld {
     robot_colliders: Vec<ColliderHandle>,
     /// Instance of each triangle of the static mesh.
     static_instances: Vec<InstanceId>,
-    movers: Vec<(RigidBodyHandle, ColliderHandle, crate::mesh::Mover)>,
+    movers: Vec<Moving>,
     static_collider: Option<ColliderHandle>,
     reach_m: f64,
 }
@@ -111,6 +111,15 @@ impl std::fmt::Debug for ContactWorld {
             .field("movers", &self.movers.len())
             .finish_non_exhaustive()
     }
+}
+
+/// A mover, and what rapier has of it.
+struct Moving {
+    /// Its number in the world.
+    number: usize,
+    body: RigidBodyHandle,
+    collider: ColliderHandle,
+    mover: crate::mesh::Mover,
 }
 
 const WORLD: Group = Group::GROUP_1;
@@ -140,14 +149,14 @@ impl ContactWorld {
             false => Some(colliders.insert(mesh_collider(&kept)?)),
         };
         let mut movers = Vec::new();
-        for mover in world.movers() {
+        for (number, mover) in world.movers().enumerate() {
             if ignored.contains(&mover.instance) || mover.mesh.faces.is_empty() {
                 continue;
             }
             let start = pose(&mover.path[0].1);
             let body = bodies.insert(RigidBodyBuilder::kinematic_position_based().pose(start));
             let collider = colliders.insert_with_parent(mesh_collider(&mover.mesh)?, body, &mut bodies);
-            movers.push((body, collider, mover.clone()));
+            movers.push(Moving { number, body, collider, mover: mover.clone() });
         }
         Ok(ContactWorld {
             pipeline: CollisionPipeline::new(),
@@ -175,9 +184,9 @@ impl ContactWorld {
         if let Some(body) = self.bodies.get_mut(self.robot) {
             body.set_position(pose(world_from_body), true);
         }
-        for (body, _, mover) in &self.movers {
-            let target = pose(&mover.pose_at(stamp_ns));
-            if let Some(body) = self.bodies.get_mut(*body)
+        for moving in &self.movers {
+            let target = pose(&moving.mover.pose_at(stamp_ns));
+            if let Some(body) = self.bodies.get_mut(moving.body)
                 && *body.position() != target
             {
                 body.set_position(target, true);
@@ -211,6 +220,13 @@ impl ContactWorld {
             b.depth_m.total_cmp(&a.depth_m).then(key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal))
         });
         contacts
+    }
+
+    /// A mover goes on, as in the world ([`World::go_on`]).
+    pub fn go_on(&mut self, mover: usize, stamp_ns: i64, pose: Isometry3<f64>, keep_ns: i64) {
+        if let Some(moving) = self.movers.iter_mut().find(|moving| moving.number == mover) {
+            moving.mover.go_on(stamp_ns, pose, keep_ns);
+        }
     }
 
     /// Radius of a ball about the body's origin that holds all shapes.
@@ -256,8 +272,8 @@ impl ContactWorld {
         if Some(collider) == self.static_collider {
             return self.static_instances.get(triangle as usize).copied();
         }
-        let mover = self.movers.iter().find(|(_, handle, _)| *handle == collider);
-        mover.map(|(_, _, mover)| mover.instance)
+        let moving = self.movers.iter().find(|moving| moving.collider == collider);
+        moving.map(|moving| moving.mover.instance)
     }
 }
 

@@ -143,6 +143,22 @@ impl World {
         World::new(building.mesh.clone(), building.movers.clone(), things.collect())
     }
 
+    /// The same world with more things that move: people who walk, say. They come after those that were there.
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn with_movers(&self, movers: Vec<Mover>, things: Vec<Thing>) -> Result<World, WorldError> {
+        let movers = self.movers().cloned().chain(movers).collect();
+        World::new(self.static_mesh.clone(), movers, [self.things.clone(), things].concat())
+    }
+
+    /// A mover goes on to `pose` at `stamp_ns`, by its number in [`World::movers`]; see [`Mover::go_on`].
+    pub fn go_on(&mut self, mover: usize, stamp_ns: i64, pose: Isometry3<f64>, keep_ns: i64) {
+        if let Some(moving) = self.movers.get_mut(mover) {
+            moving.mover.go_on(stamp_ns, pose, keep_ns);
+        }
+    }
+
     /// First thing along `direction` (any length but zero) within `max_distance_m`, with the movers where they are at
     /// `stamp_ns`. `None` also for input that is not finite.
     pub fn ray(
@@ -325,6 +341,18 @@ impl Snapshot<'_> {
 }
 
 impl Mover {
+    /// Adds a key pose and forgets those older than `keep_ns` before it, except the newest of them. A pose that is not finite or not later
+    /// than the last is none.
+    pub fn go_on(&mut self, stamp_ns: i64, pose: Isometry3<f64>, keep_ns: i64) {
+        let is_later = self.path.last().is_none_or(|(last, _)| *last < stamp_ns);
+        if !is_later || !pose.to_homogeneous().iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let old = self.path.partition_point(|(stamp, _)| *stamp <= stamp_ns.saturating_sub(keep_ns));
+        self.path.drain(..old.saturating_sub(1));
+        self.path.push((stamp_ns, pose));
+    }
+
     /// Pose in the world at `stamp_ns`: linear in position and along the shortest rotation between key poses, constant
     /// before the first and after the last.
     pub fn pose_at(&self, stamp_ns: i64) -> Isometry3<f64> {

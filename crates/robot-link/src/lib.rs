@@ -39,7 +39,9 @@
 //!   autopilot's clock; [`mavlink::vehicle`]: what the autopilot says of itself.
 //! - [`mavlink::offboard`]: single messages from ENU set-points; modes, arming, clock comparison.
 //! - [`unitree::cdr`], [`unitree::message`]: plain CDR and the three types of the sport service.
-//! - [`unitree::sport`]: calls with their JSON parameters, and what answers mean.
+//! - [`unitree::sport`]: calls with their JSON parameters, and what answers mean. [`unitree::call`]: one until it is answered.
+//! - [`unitree::session`]: a walk from lying to lying, as a state machine. [`unitree::walker`]: the robot's state, checked;
+//!   [`unitree::progress`]: whether it moves.
 //!
 //! # Conventions
 //!

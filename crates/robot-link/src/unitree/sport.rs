@@ -4,6 +4,8 @@
 //! 10-50 Hz; it is sent without wanting an answer. `StandUp` locks the joints, so `BalanceStand` or `RecoveryStand` comes before `Move`. After
 //! `StandUp` the robot may ignore `Move` for some seconds and still answer 0: progress shows in the state only.
 
+use std::fmt;
+
 use crate::unitree::message::{Request, Response};
 
 /// A call.
@@ -103,12 +105,24 @@ impl Call {
 pub enum Outcome {
     /// Done (or accepted).
     Done,
+    /// 3102: the request could not be sent.
+    NotSent,
+    /// 3103: the function is not registered.
+    NotRegistered,
+    /// 3104: no answer in time.
+    TimedOut,
+    /// 3105: the answer is one to another function.
+    OtherFunction,
+    /// 3106: the data of the answer make no sense.
+    BadData,
     /// 3203: the robot does not have this function.
     NotImplemented,
     /// 3204: a parameter is wrong or missing.
     BadParameter,
     /// 3205: somebody else holds the lease.
     LeaseDenied,
+    /// 4101: the path is no path.
+    BadPath,
     /// 4201: the movement took too long.
     Overtime,
     /// 4202: the sport service is not ready.
@@ -117,18 +131,56 @@ pub enum Outcome {
     Other(i32),
 }
 
-impl Response {
-    /// What the answer means.
-    pub fn outcome(&self) -> Outcome {
-        match self.code {
+impl Outcome {
+    /// The meaning of a code.
+    pub fn of(code: i32) -> Outcome {
+        match code {
             0 => Outcome::Done,
+            3102 => Outcome::NotSent,
+            3103 => Outcome::NotRegistered,
+            3104 => Outcome::TimedOut,
+            3105 => Outcome::OtherFunction,
+            3106 => Outcome::BadData,
             3203 => Outcome::NotImplemented,
             3204 => Outcome::BadParameter,
             3205 => Outcome::LeaseDenied,
+            4101 => Outcome::BadPath,
             4201 => Outcome::Overtime,
             4202 => Outcome::NotInitialised,
             code => Outcome::Other(code),
         }
+    }
+
+    /// Whether the same request may be answered otherwise a little later.
+    pub fn is_passing(self) -> bool {
+        matches!(self, Outcome::NotSent | Outcome::TimedOut | Outcome::Overtime | Outcome::NotInitialised)
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Outcome::Done => "done (0)",
+            Outcome::NotSent => "the request was not sent (3102)",
+            Outcome::NotRegistered => "the function is not registered (3103)",
+            Outcome::TimedOut => "no answer in time (3104)",
+            Outcome::OtherFunction => "the answer belongs to another function (3105)",
+            Outcome::BadData => "the data make no sense (3106)",
+            Outcome::NotImplemented => "the robot does not have this function (3203)",
+            Outcome::BadParameter => "a parameter is wrong or missing (3204)",
+            Outcome::LeaseDenied => "somebody else holds the lease (3205)",
+            Outcome::BadPath => "the path is no path (4101)",
+            Outcome::Overtime => "the movement took too long (4201)",
+            Outcome::NotInitialised => "the sport service is not ready (4202)",
+            Outcome::Other(code) => return write!(f, "code {code}"),
+        })
+    }
+}
+
+impl Response {
+    /// What the answer means.
+    pub fn outcome(&self) -> Outcome {
+        Outcome::of(self.code)
     }
 }
 

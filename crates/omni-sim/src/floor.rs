@@ -5,8 +5,9 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use nalgebra::{Point2, Point3, Vector3};
-use omni_sim::building::Building;
+use crate::building::{Building, DoorAxis, Rect};
+use crate::mesh::TriangleMesh;
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
 /// Edge of a cell.
 pub const CELL_M: f64 = 0.05;
@@ -42,11 +43,11 @@ impl TrueFloor {
         let doors = building.doors.iter().filter(|door| (door.center.z - floor_z_m).abs() < 0.1).map(|door| {
             let half_m = door.width_m / 2.0;
             // A doorway is as deep as a wall and a bit: it has to touch both rooms.
-            omni_sim::building::Rect::new(
-                door.center.x - half_m.min(if door.axis == omni_sim::building::DoorAxis::X { 0.15 } else { half_m }),
-                door.center.y - half_m.min(if door.axis == omni_sim::building::DoorAxis::Y { 0.15 } else { half_m }),
-                door.center.x + half_m.min(if door.axis == omni_sim::building::DoorAxis::X { 0.15 } else { half_m }),
-                door.center.y + half_m.min(if door.axis == omni_sim::building::DoorAxis::Y { 0.15 } else { half_m }),
+            Rect::new(
+                door.center.x - half_m.min(if door.axis == DoorAxis::X { 0.15 } else { half_m }),
+                door.center.y - half_m.min(if door.axis == DoorAxis::Y { 0.15 } else { half_m }),
+                door.center.x + half_m.min(if door.axis == DoorAxis::X { 0.15 } else { half_m }),
+                door.center.y + half_m.min(if door.axis == DoorAxis::Y { 0.15 } else { half_m }),
             )
         });
         for rect in rooms.iter().flat_map(|room| room.rects.iter().copied()).chain(doors) {
@@ -61,7 +62,7 @@ impl TrueFloor {
                 is_free[cell] = false;
             }
         };
-        sample_triangles(&building.mesh, &nalgebra::Isometry3::identity(), &mut block);
+        sample_triangles(&building.mesh, &Isometry3::identity(), &mut block);
         for mover in &building.movers {
             let (_, pose) = mover.path.first().expect("a mover has at least one pose");
             sample_triangles(&mover.mesh, pose, &mut block);
@@ -220,11 +221,7 @@ impl Ord for Visit {
 }
 
 /// Points on every triangle, not farther apart than half a cell.
-fn sample_triangles(
-    mesh: &omni_sim::mesh::TriangleMesh,
-    pose: &nalgebra::Isometry3<f64>,
-    visit: &mut impl FnMut(&Point3<f64>),
-) {
+fn sample_triangles(mesh: &TriangleMesh, pose: &Isometry3<f64>, visit: &mut impl FnMut(&Point3<f64>)) {
     for face in &mesh.faces {
         let [a, b, c] = face.map(|index| pose * mesh.vertices[index as usize].cast::<f64>());
         let (u, v): (Vector3<f64>, Vector3<f64>) = (b - a, c - a);
