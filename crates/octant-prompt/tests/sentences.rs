@@ -12,6 +12,9 @@ use octant_prompt::{
 };
 use support::{Put, graph, pose, put};
 
+/// Id, label, middle, side, colour, room.
+type Row = (u64, &'static str, [f64; 3], f64, &'static str, u64);
+
 /// One hall on each of two storeys. The viewer stands at the origin and looks along x, so that left is +y.
 fn halls() -> Scene {
     let mut graph = SceneGraph::new();
@@ -20,8 +23,7 @@ fn halls() -> Scene {
         let room = Room { floor, ..Room::new(RoomId(floor as u64), center) };
         graph.apply(Op::PutRoom(Box::new(room))).expect("room");
     }
-    // id, label, x, y, z, size, colour, room
-    let things: [(u64, &str, [f64; 3], f64, &str, u64); 15] = [
+    let things: [Row; 15] = [
         (1, "chair", [4.0, 2.0, 0.4], 0.5, "red", 0),
         (2, "chair", [4.0, 0.0, 0.4], 0.5, "blue", 0),
         (3, "chair", [4.0, -2.0, 0.4], 0.5, "red", 0),
