@@ -18,7 +18,12 @@ pub struct Surroundings<'a> {
     pub things: Vec<usize>,
     /// The middle of these things, at eye height.
     pub eye: Point3<f64>,
+    /// How far from there the viewer may stand, metres: [`EYE_ERROR_M`] where the boxes were measured, else zero.
+    pub eye_error_m: f64,
 }
+
+/// How far the middle of a room is from where a robot takes it to be that has not seen all of it, metres.
+pub const EYE_ERROR_M: f64 = 0.5;
 
 impl<'a> Surroundings<'a> {
     /// Everything.
@@ -29,7 +34,8 @@ impl<'a> Surroundings<'a> {
     /// These things of the scene.
     pub fn of(scene: &'a Scene, things: Vec<usize>) -> Surroundings<'a> {
         let eye = middle_of(scene, things.iter().copied());
-        Surroundings { scene, things, eye }
+        let eye_error_m = if scene.box_error_m > 0.0 { EYE_ERROR_M } else { 0.0 };
+        Surroundings { scene, things, eye, eye_error_m }
     }
 
     /// The things with the same label as the one at `index`, without it; and those that may bear it, by their votes.
@@ -44,13 +50,11 @@ impl<'a> Surroundings<'a> {
         self.twins(index).iter().any(|other| self.scene.label(*other) != label)
     }
 
-    /// Where the viewer may stand: in the middle, and, where the boxes were measured, within half a metre of it. A room of which a part was not
-    /// seen has another middle.
+    /// Where the viewer may stand.
     fn eyes(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
-        const DOUBT_M: f64 = 0.5;
-        const AROUND: [(f64, f64); 5] = [(0.0, 0.0), (DOUBT_M, 0.0), (-DOUBT_M, 0.0), (0.0, DOUBT_M), (0.0, -DOUBT_M)];
-        let count = if self.scene.box_error_m > 0.0 { AROUND.len() } else { 1 };
-        AROUND[..count].iter().map(|(x, y)| self.eye + Vector3::new(*x, *y, 0.0))
+        const AROUND: [(f64, f64); 5] = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+        let count = if self.eye_error_m > 0.0 { AROUND.len() } else { 1 };
+        AROUND[..count].iter().map(|(x, y)| self.eye + self.eye_error_m * Vector3::new(*x, *y, 0.0))
     }
 
     fn bounds(&self, index: usize) -> &'a Aabb {
