@@ -30,6 +30,8 @@ pub(crate) fn group_score(own: usize, support: usize, scene: &Scene, viewer: &Vi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::claim::Claim;
+    use crate::describe::{describe, describe_without_a_view};
     use crate::grounding::ground;
     use crate::parser::parse_referring;
     use dsg::{Aabb, GroupConfig, Object, ObjectId, Op, Room, RoomId, SceneGraph, update_groups};
@@ -73,5 +75,24 @@ mod tests {
         let viewer = Viewer { position: Point3::new(3.5, 0.2, 1.5), forward: None };
         assert_eq!(group_score(4, 3, &scene, &viewer), 1.0);
         assert!(group_score(5, 3, &scene, &viewer) < 0.1, "it stands by itself");
+    }
+
+    #[test]
+    fn descriptions_say_the_group_and_the_purpose() {
+        let scene = scene();
+        let said = describe(&scene, ObjectId(5)).expect("the chair at the desk");
+        assert_eq!(said.text, "the chair in the desk group");
+        assert_eq!(said.claims, [Claim::InGroup(3)]);
+        // Two chairs that differ in nothing else, seen from no side.
+        let mut graph = SceneGraph::new();
+        graph.apply(Op::PutRoom(Box::new(Room::new(RoomId(1), Point3::origin())))).expect("room");
+        for (id, purpose) in [(1, "sitting at a desk"), (2, "reaching the top shelf")] {
+            let bounds = Aabb::from_center(Point3::new(id as f64, 0.0, 0.4), Vector3::new(0.6, 0.6, 0.8));
+            let mut object = Object { room: Some(RoomId(1)), ..Object::new(ObjectId(id), "chair", bounds) };
+            object.attributes.insert("function".into(), purpose.into());
+            graph.apply(Op::PutObject(Box::new(object))).expect("object");
+        }
+        let said = describe_without_a_view(&Scene::from_graph(&graph, 0), ObjectId(2)).expect("by its purpose");
+        assert_eq!(said.text, "the chair used for reaching the top shelf");
     }
 }
