@@ -153,9 +153,14 @@ impl SimulatedBody {
         self.has_power = false;
     }
 
-    /// Power of the rotors as a share of what hovering takes: the cube of their speeds. Others have none.
-    pub fn power_share(&self) -> f64 {
-        let Kind::Air(quadrotor, _) = &self.kind else { return 0.0 };
+    /// Power of the rotors as a share of what hovering takes: the cube of their speeds; of rotors that are somebody else's, all or
+    /// nothing, as commanded. Others have none.
+    pub fn power_share(&self, command: &Command) -> f64 {
+        let quadrotor = match (&self.kind, command) {
+            (Kind::Air(quadrotor, _), _) => quadrotor,
+            (Kind::Towed(_), Command::Flight(point)) if point.is_armed => return 1.0,
+            _ => return 0.0,
+        };
         let speeds = quadrotor.rotor_speeds_radps();
         let share = |speed: &f64| (speed / self.hover_radps).powi(3);
         speeds.iter().map(share).sum::<f64>() / speeds.len().max(1) as f64

@@ -36,6 +36,7 @@ pub fn robot_main(kind: RobotKind, default_scene: &str) -> ExitCode {
 /// Whether the run was a success.
 fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bool> {
     options.validate()?;
+    options.flight.check(kind)?;
     let mut robot = load_robot(options.urdf.as_deref(), kind)?;
     let rig = options.rig.as_deref().map(|rig| load_rig(rig, &robot)).transpose()?;
     if let Some(rig) = &rig {

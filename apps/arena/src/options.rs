@@ -6,6 +6,8 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, ValueEnum};
 use mission::px4::Px4Address;
 
+use crate::flight_options::FlightOptions;
+
 /// How the LiDAR is mounted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LidarMount {
@@ -91,15 +93,14 @@ pub struct Options {
     #[command(flatten)]
     pub px4: Px4Options,
 
+    /// Limits of an aircraft's flights.
+    #[command(flatten)]
+    pub flight: FlightOptions,
+
     /// A walking robot in place of the simulated body.
     #[cfg(feature = "unitree")]
     #[command(flatten)]
     pub unitree: UnitreeOptions,
-
-    /// The simulated aircraft's battery lasts for so many seconds of hovering: it flies nowhere from where it could not come back, and
-    /// returns or lands in time. Without it: for ever
-    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, allow_negative_numbers = true)]
-    pub battery: Option<f64>,
 
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
@@ -171,7 +172,7 @@ pub fn parse_pose(text: &str) -> Result<Pose, String> {
     }
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err(format!("'{text}' is not a positive number of seconds")),

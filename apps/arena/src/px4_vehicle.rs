@@ -127,6 +127,10 @@ impl Vehicle for Px4Vehicle {
         }
     }
 
+    fn charge(&self) -> Option<f64> {
+        self.link.charge()
+    }
+
     fn rest(&mut self) -> Result<()> {
         Ok(self.link.land(LANDING)?)
     }

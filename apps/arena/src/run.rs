@@ -14,7 +14,6 @@ use mission::mission::{Mission, Outcome};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
-use mission::planner::Battery;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
 use mission::robot_model::RobotModel;
@@ -65,10 +64,15 @@ impl RunConfig {
         let is_lidar_fixed = options.lidar == LidarMount::Fixed;
         RunConfig {
             max_time_s: options.max_time,
-            mission: MissionConfig { vision, battery: options.battery.map(battery), ..MissionConfig::default() },
+            mission: MissionConfig {
+                vision,
+                battery: options.flight.battery(),
+                geofence: options.flight.fence.clone(),
+                ..MissionConfig::default()
+            },
             simulation: SimulationConfig {
                 is_lidar_fixed,
-                battery_endurance_s: options.battery,
+                battery_endurance_s: options.flight.battery,
                 crowd: CrowdConfig { people: options.people, heeds_robot: !options.heedless, seed: 0 },
                 ..SimulationConfig::default()
             },
@@ -77,11 +81,6 @@ impl RunConfig {
             ..RunConfig::default()
         }
     }
-}
-
-/// What the robot is told of a battery that lasts so long: a sixth of it is kept, and the way back is flown slowly.
-pub fn battery(endurance_s: f64) -> Battery {
-    Battery { endurance_s, reserve: 1.0 / 6.0, cruise_mps: 0.6, landing_s: 8.0 }
 }
 
 impl RunConfig {
@@ -239,6 +238,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         if let Some(vehicle) = &mut vehicle {
             let next = Stamp(simulation.now().0 + STEP_NS);
             simulation.tell(next, vehicle.pose_when_due(next))?;
+            simulation.tell_charge(vehicle.charge());
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);

@@ -144,6 +144,8 @@ pub struct Simulation<'a> {
     next_battery_ns: i64,
     /// How full the battery is.
     charge: f64,
+    /// A gauge outside says so; until then a model does.
+    is_charge_told: bool,
     touches: Vec<Touch>,
     /// LiDAR points on each instance so far.
     points_on: BTreeMap<u32, u64>,
@@ -203,6 +205,7 @@ impl<'a> Simulation<'a> {
             next_encoder_ns: 0,
             next_battery_ns: 0,
             charge: 1.0,
+            is_charge_told: false,
             next_scan_ns: 0,
             next_panorama_ns: 0,
             touches: Vec::new(),
@@ -247,6 +250,13 @@ impl<'a> Simulation<'a> {
     /// What became of the pictures so far.
     pub fn segmentation(&self) -> &Segmentation {
         &self.segmentation
+    }
+
+    /// What the gauge of whoever moves the body says of its battery (1 full, 0 empty), if it does: from then on no model is asked.
+    pub fn tell_charge(&mut self, charge: Option<f64>) {
+        if let Some(charge) = charge {
+            (self.charge, self.is_charge_told) = (charge, true);
+        }
     }
 
     /// Time.
@@ -357,8 +367,10 @@ impl<'a> Simulation<'a> {
             self.touches.push(Touch { t_s: self.now_ns as f64 * 1e-9, what, at_m, still_s });
         }
         if let Some(endurance_s) = self.config.battery_endurance_s {
-            let drained = self.body.power_share() * TICK_NS as f64 * 1e-9 / endurance_s;
-            self.charge = (self.charge - drained).max(0.0);
+            if !self.is_charge_told {
+                let drained = self.body.power_share(command) * TICK_NS as f64 * 1e-9 / endurance_s;
+                self.charge = (self.charge - drained).max(0.0);
+            }
             if self.charge == 0.0 {
                 self.body.cut_power();
             }

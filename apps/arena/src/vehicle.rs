@@ -17,6 +17,11 @@ pub trait Vehicle {
     /// Why the vehicle obeys no more.
     fn obey(&mut self, stamp: Stamp, command: &Command, mission: &Mission) -> Result<()>;
 
+    /// How full its battery is, by its own gauge (1 full, 0 empty), if it says so.
+    fn charge(&self) -> Option<f64> {
+        None
+    }
+
     /// Brings it to rest: on the ground with motors off, or lying.
     ///
     /// # Errors

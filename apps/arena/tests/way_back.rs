@@ -35,7 +35,7 @@ fn an_aerial_robot_comes_back_to_where_it_started() {
 fn a_low_battery_ends_a_search_at_home_on_the_floor() {
     let mut config = coarse(120.0);
     config.simulation.battery_endurance_s = Some(45.0);
-    config.mission.battery = Some(arena::run::battery(45.0));
+    config.mission.battery = Some(arena::flight_options::battery(45.0, 1.0 / 6.0));
     let result = short_run(&config, RobotKind::Aerial, &scene("flat"), "find the unicorn", 1);
     assert!(!result.summary.success && result.summary.collisions == 0, "{}", result.summary.reason);
     assert!(result.summary.reason.contains("battery is low"), "{}", result.summary.reason);

@@ -1,7 +1,7 @@
 //! The two bodies behind one face: what the mind wants is the same, how it is done is not.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::AirSpace;
+use planner::{AirSpace, GroundMover};
 use robot_model::{RobotKind, RobotModel};
 
 use crate::config::MissionConfig;
@@ -10,6 +10,7 @@ use crate::emergency::Emergency;
 use crate::error::MissionError;
 use crate::fly::{Fly, Phase};
 use crate::goal::{Goal, GoalStatus};
+use crate::movers::movers;
 use crate::stage_clock::StageClock;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
@@ -162,20 +163,22 @@ impl Body {
         world_from_body: &Isometry3<f64>,
         velocity_in_body: Vector3<f64>,
         obstacles: &[Point2<f32>],
+        movers: &[GroundMover],
         distance_m: Option<f64>,
     ) -> Command {
         match self {
-            Body::Ground(drive) => drive.command(world_from_body, velocity_in_body, obstacles),
+            Body::Ground(drive) => drive.command(world_from_body, velocity_in_body, obstacles, movers),
             Body::Air(fly) => fly.command(world_from_body, distance_m),
         }
     }
 }
 
-/// The world as a planner asks about it. Nobody tracks what moves while it flies: what the last scans show is all.
+/// The world as a planner asks about it: the map, and what the graph says moves.
 fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
+    let movers = world.odometry.map_or_else(Vec::new, |odometry| movers(&world.graph, odometry.stamp));
     ask(&AirSpace {
         distance: &|point: &Point3<f64>| world.field.distance(point),
         obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
-        movers: &[],
+        movers: &movers,
     })
 }

@@ -162,6 +162,12 @@ impl Px4Link {
         self.lock().poses.at(stamp_ns)
     }
 
+    /// What the autopilot says of its batteries: the least charge, 1 full, 0 empty; `None` where it has said nothing for ten seconds.
+    pub fn charge(&self) -> Option<f64> {
+        let now_ns = self.now_ns();
+        self.lock().session.charge(now_ns)
+    }
+
     /// Where the flight stands.
     pub fn phase(&self) -> Phase {
         self.lock().session.phase()

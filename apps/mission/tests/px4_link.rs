@@ -101,15 +101,18 @@ fn fly(link: &mut Px4Link, position: [f64; 3], seconds: f64) {
 
 #[test]
 fn from_take_off_to_landing_over_a_socket() {
-    let autopilot = Autopilot::start(ModelPx4::new(), None);
+    let mut model = ModelPx4::new();
+    model.battery = Some(87);
+    let autopilot = Autopilot::start(model, None);
     let mut link = Px4Link::open(&autopilot.config()).unwrap();
+    assert_eq!(link.charge(), None, "nothing was said yet");
     let pose = link.wait_until_ready(Duration::from_secs(10), &NEVER).unwrap();
     // Nose north is y.
     assert!((pose.world_from_body.rotation.euler_angles().2 - std::f64::consts::FRAC_PI_2).abs() < 1e-6);
     link.obey(link.now_ns(), &point([0.0, 0.0, 0.2], false), Some(&standing()));
     assert_eq!(link.phase(), Phase::Ready, "motors off before take-off means nothing");
     fly(&mut link, [2.0, 1.0, 1.2], 9.0);
-    assert_eq!((link.phase(), link.fault()), (Phase::Flying, None));
+    assert_eq!((link.phase(), link.fault(), link.charge()), (Phase::Flying, None, Some(0.87)));
     {
         // The robot's x is the autopilot's north, its y west; it rises by a metre.
         let model = autopilot.model.lock().unwrap();

@@ -163,12 +163,13 @@ fn distance_m(object: &Object, view: &MoverEvidence, config: &MoverConfig) -> Op
         return None;
     }
     // Its pace goes on for a second or so, not for ever.
-    let expected = last.position + pace(object, config) * away_s.min(1.0);
+    let expected = last.position + velocity_m_s(object, config) * away_s.min(1.0);
     Some((at - expected).norm())
 }
 
-/// Velocity over the last half second or the last two points, metres per second.
-fn pace(object: &Object, config: &MoverConfig) -> Vector3<f64> {
+/// Velocity of a mover over the last half second or the last two points of its trajectory, world frame, at most as fast as movers are;
+/// zero for what has fewer points.
+pub fn velocity_m_s(object: &Object, config: &MoverConfig) -> Vector3<f64> {
     let Some((last, before)) = object.trajectory.split_last() else {
         return Vector3::zeros();
     };

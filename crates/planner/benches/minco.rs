@@ -32,6 +32,18 @@ fn forward_and_adjoint(bencher: Bencher, pieces: usize) {
     });
 }
 
+/// Order 4, where durations are alike and where they are a thousand times apart.
+#[divan::bench(args = [1.0, 1000.0])]
+fn order_four(bencher: Bencher, ratio: f64) {
+    const PIECES: usize = 1000;
+    let point = |k: usize| Vector3::new(k as f64, (0.7 * k as f64).sin(), (0.3 * k as f64).cos());
+    let (head, tail) = ([point(0), Vector3::zeros(), Vector3::zeros(), Vector3::zeros()], [Vector3::zeros(); 4]);
+    let inner: Vec<_> = (1..PIECES).map(point).collect();
+    let times: Vec<f64> = (0..PIECES).map(|k| if k % 7 == 3 { 1.0 / ratio } else { 1.0 }).collect();
+    let mut spline = Minco::<4>::solve(&head, &tail, &inner, &times).unwrap();
+    bencher.counter(ItemsCount::new(PIECES)).bench_local(|| spline.solve_again(&head, &tail, &inner, &times));
+}
+
 /// At a flight that was found, where every limit that binds is touched, and at one a tenth faster, which breaks limits in
 /// most pieces: what the optimiser meets in between.
 #[divan::bench(args = [(false, 1.0), (false, 0.9), (true, 1.0), (true, 0.9)])]
@@ -47,6 +59,22 @@ fn cost_and_gradient(bencher: Bencher, (is_agile, pace): (bool, f64)) {
             .unwrap();
     let mut gradient = MincoGradient::default();
     bencher.counter(ItemsCount::new(PIECES)).bench_local(|| cost.evaluate(&inner, &times, &mut gradient));
+}
+
+/// The same sample by sample: what four samples at a time are worth.
+#[divan::bench]
+fn agile_cost_and_gradient_plainly(bencher: Bencher) {
+    const PIECES: usize = 20;
+    let limits = limits(true);
+    let (start, goal, corridor) = chain(7, PIECES);
+    let flight = fly_corridor(&start, &goal, &corridor, &limits, &InteriorSettings::default()).unwrap();
+    let inner: Vec<_> = flight.trajectory.pieces[1..].iter().map(|p| p.coefficients[0]).collect();
+    let times: Vec<f64> = flight.trajectory.pieces.iter().map(|p| 0.9 * p.duration_s).collect();
+    let mut cost =
+        PenalisedSpline::new(&start, &goal, &corridor, &flight.polytope_of, &limits, PenaltyWeights::default())
+            .unwrap();
+    let mut gradient = MincoGradient::default();
+    bencher.counter(ItemsCount::new(PIECES)).bench_local(|| cost.evaluate_plainly(&inner, &times, &mut gradient));
 }
 
 #[divan::bench]

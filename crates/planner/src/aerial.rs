@@ -249,10 +249,16 @@ fn way_through(
             found = lattice_route(&from, goal, &grid, config, &mut expansions).or(found);
         }
         let (whole, end) = found?;
-        let (mut points_of_route, left_m) = known_part(&whole, &grid, config);
+        let (mut points_of_route, left_m) = known_part(&whole, &start.p.coords, &grid, config);
         let end = if left_m > 0.0 { Point3::from(points_of_route[points_of_route.len() - 1]) } else { end };
         if left_m > 0.0 && length_of(&points_of_route) < LEAST_PART_M {
-            return Err(AirPlanError::NoRoute);
+            // It is there, and what it cannot see from here it will not see: round that, if there is a way.
+            let stuck_at = Point3::from(whole[points_of_route.len().min(whole.len() - 1)]);
+            if grid.node(&stuck_at).is_none_or(|node| grid.clearance(node).is_none()) {
+                return Err(AirPlanError::NoRoute);
+            }
+            grid.forbid(&stuck_at);
+            continue;
         }
         // 2. The exact points, and the route with its bends cut where that is not dearer.
         let (low, high) = bounds_of(&points_of_route, &start.p, &grid, config);
@@ -297,9 +303,17 @@ fn is_closed<T>(found: &Result<T, AirPlanError>) -> bool {
     matches!(found, Err(AirPlanError::NoRoute | AirPlanError::GoalBlocked | AirPlanError::StartBlocked))
 }
 
-/// The part of a route that is known and within the horizon, and the length of the rest.
-fn known_part(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> (Vec<Vector3<f64>>, f64) {
-    let is_known = |p: &Vector3<f64>| grid.node(&Point3::from(*p)).is_some_and(|node| grid.clearance(node).is_some());
+/// The part of a route along which all that the body will pass is known, within the horizon, and the length of the rest.
+fn known_part(
+    route: &[Vector3<f64>],
+    start: &Vector3<f64>,
+    grid: &SearchGrid,
+    config: &AirConfig,
+) -> (Vec<Vector3<f64>>, f64) {
+    let is_known = |p: &Vector3<f64>| {
+        let is_centre_known = grid.node(&Point3::from(*p)).is_some_and(|node| grid.clearance(node).is_some());
+        is_centre_known && grid.is_known_around(p, start, false)
+    };
     let mut length_m = 0.0;
     let mut kept = 1;
     while kept < route.len() {
@@ -308,6 +322,9 @@ fn known_part(route: &[Vector3<f64>], grid: &SearchGrid, config: &AirConfig) -> 
             break;
         }
         kept += 1;
+    }
+    while kept > 2 && kept < route.len() && !grid.is_known_around(&route[kept - 1], start, true) {
+        kept -= 1;
     }
     // A route of one point leads nowhere; where even its second one is not known, the caller finds it too short.
     let kept = kept.max(2).min(route.len());

@@ -217,12 +217,19 @@ fn a_flight_into_the_unknown_ends_in_the_known_and_goes_on_when_more_is_seen() {
     for _ in 0..40 {
         // It sees three metres ahead of itself.
         let map = seen_to(state.p.x + 3.0);
-        let plan = plan(&map, &state, &goal, &[], &config).unwrap();
+        let plan =
+            plan(&map, &state, &goal, &[], &config).unwrap_or_else(|e| panic!("{e} after {parts} parts, {state:?}"));
         assert!(plan.proof.holds);
         let (end, duration) = (plan.trajectory.sample(f64::MAX).p, plan.trajectory.duration());
         for k in 0..=200 {
             let p = plan.trajectory.sample(duration * f64::from(k) / 200.0).p;
             assert!(map.distance(&p).is_some(), "it commits to nothing unknown");
+            // Nor does any part of its body: an unknown voxel is kept away from like an occupied one.
+            let nearest = (0..map.unknown.len())
+                .filter(|k| map.unknown[*k])
+                .map(|k| (map.center(k) - p).norm())
+                .fold(f64::INFINITY, f64::min);
+            assert!(nearest >= config.clearance_m() + config.obstacle_radius_m - 1e-9, "{nearest} m at {p}");
         }
         if plan.left_m == 0.0 {
             assert!((end - goal).norm() < 1e-6);

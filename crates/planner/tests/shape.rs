@@ -108,6 +108,35 @@ proptest! {
         }
     }
 
+    /// Four samples at a time say what the formulas say sample by sample, whatever the number of samples and whichever limits are violated.
+    #[test]
+    fn samples_side_by_side_are_the_samples_one_by_one(
+        points in proptest::collection::vec(vector(1.5), 4), times in proptest::collection::vec(0.3..2.5f64, 5),
+        intervals in 0usize..20, reach in 0.3..3.0f64, parasitic in 0.0..0.05f64,
+    ) {
+        let airframe = Airframe { drag_parasitic: parasitic, ..limits().airframe.unwrap() };
+        let limits = FlightLimits { airframe: Some(airframe), ..limits() };
+        let corridor = [Polytope::from_box(&Point3::new(-reach, -1.0, -1.0), &Point3::new(reach, 1.2, 0.9))];
+        let zero = Vector3::zeros();
+        let (head, tail) = ([zero, Vector3::new(1.0, 0.0, 0.0), zero], [Vector3::new(0.5, 0.5, 0.5), zero, zero]);
+        let weights = PenaltyWeights { intervals, ..PenaltyWeights::default() };
+        let mut cost = PenalisedSpline::new(&head, &tail, &corridor, &[0; 5], &limits, weights).unwrap();
+        let (mut fast, mut plain) = (MincoGradient::default(), MincoGradient::default());
+        let value = cost.evaluate(&points, &times, &mut fast);
+        let expected = cost.evaluate_plainly(&points, &times, &mut plain);
+        // Sums of a hundred terms in another order.
+        const RELATIVE_TOL: f64 = 1e-11;
+        prop_assert!((value - expected).abs() <= RELATIVE_TOL * expected.abs(), "{value} {expected}");
+        let scale = plain.durations.iter().fold(expected.abs(), |m, g| m.max(g.abs()));
+        let scale = plain.inner_points.iter().fold(scale, |m, g| m.max(g.norm()));
+        for (a, b) in fast.inner_points.iter().zip(&plain.inner_points) {
+            prop_assert!((a - b).norm() <= RELATIVE_TOL * scale, "{a} {b}");
+        }
+        for (a, b) in fast.durations.iter().zip(&plain.durations) {
+            prop_assert!((a - b).abs() <= RELATIVE_TOL * scale, "{a} {b}");
+        }
+    }
+
     /// Every limit is violated somewhere in such flights; the gradient is that of the cost all the same.
     #[test]
     fn penalties_have_their_gradient(points in proptest::collection::vec(vector(1.5), 4), times in proptest::collection::vec(0.3..1.2f64, 5)) {

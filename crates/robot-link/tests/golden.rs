@@ -3,8 +3,8 @@
 
 use robot_link::mavlink::signing::{Signer, SigningKey, Verifier};
 use robot_link::mavlink::{
-    AttitudeQuaternion, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed, Message,
-    Odometry, Received, SetPositionTargetLocalNed, StatusText, Timesync,
+    AttitudeQuaternion, BatteryStatus, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed,
+    Message, Odometry, Received, SetPositionTargetLocalNed, StatusText, SysStatus, Timesync,
 };
 use robot_link::unitree::{Call, ImuState, Request, Response, SportModeState};
 
@@ -172,6 +172,41 @@ fn telemetry_and_texts() {
         13,
         Message::StatusText(StatusText { severity: 4, text, id: 0, chunk: 0 }),
         "fd1b00000df5bffd00000441726d696e672064656e6965643a206e6f20657374696d6174651cb2",
+    );
+}
+
+#[test]
+fn batteries() {
+    let vehicle = SysStatus {
+        sensors: [7, 3, 1],
+        load: 512,
+        voltage_battery: 15_250,
+        current_battery: 1234,
+        errors: [1, 2, 3, 4, 5, 6],
+        battery_remaining: 63,
+    };
+    check_frame(
+        18,
+        Message::SysStatus(vehicle),
+        "fd1f000012f5bf0100000700000003000000010000000002923bd2040100020003000400050006003f5f52",
+    );
+    let mut voltages = [u16::MAX; 10];
+    voltages[..2].copy_from_slice(&[3810, 3805]);
+    let battery = BatteryStatus {
+        current_consumed: 310,
+        energy_consumed: -1,
+        temperature: 2512,
+        voltages,
+        current_battery: 1234,
+        id: 1,
+        battery_function: 1,
+        battery_type: 3,
+        battery_remaining: 63,
+    };
+    check_frame(
+        19,
+        Message::BatteryStatus(battery),
+        "fd24000013f5bf93000036010000ffffffffd009e20edd0effffffffffffffffffffffffffffffffd2040101033fb2fb",
     );
 }
 

@@ -76,6 +76,35 @@ fn fields(message: &Message) -> Vec<(&'static str, Vec<f64>)> {
             ("base_mode", int(m.base_mode.into())),
             ("system_status", int(m.system_status.into())),
         ],
+        Message::SysStatus(m) => {
+            let mut out = vec![
+                ("load", int(m.load.into())),
+                ("voltage_battery", int(m.voltage_battery.into())),
+                ("current_battery", int(m.current_battery.into())),
+                ("battery_remaining", int(m.battery_remaining.into())),
+            ];
+            let sensors = [
+                "onboard_control_sensors_present",
+                "onboard_control_sensors_enabled",
+                "onboard_control_sensors_health",
+            ];
+            out.extend(sensors.into_iter().zip(m.sensors.map(|flags| int(flags.into()))));
+            let errors =
+                ["drop_rate_comm", "errors_comm", "errors_count1", "errors_count2", "errors_count3", "errors_count4"];
+            out.extend(errors.into_iter().zip(m.errors.map(|count| int(count.into()))));
+            out
+        }
+        Message::BatteryStatus(m) => vec![
+            ("current_consumed", int(m.current_consumed.into())),
+            ("energy_consumed", int(m.energy_consumed.into())),
+            ("temperature", int(m.temperature.into())),
+            ("voltages", m.voltages.map(f64::from).to_vec()),
+            ("current_battery", int(m.current_battery.into())),
+            ("id", int(m.id.into())),
+            ("battery_function", int(m.battery_function.into())),
+            ("type", int(m.battery_type.into())),
+            ("battery_remaining", int(m.battery_remaining.into())),
+        ],
         Message::AttitudeQuaternion(m) => {
             let mut out =
                 vec![("time_boot_ms", int(m.time_boot_ms.into())), ("repr_offset_q", wide(&m.display_offset))];

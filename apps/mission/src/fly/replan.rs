@@ -7,7 +7,7 @@ use planner::{
 };
 
 use super::{CLIMB_MPS, Fly, Following, LandingWish, Phase, RESTING_MPS, YAW_PART};
-use crate::air_checks::{INTRUSION_M, is_column_free, keeps, landing_places};
+use crate::air_checks::{INTRUSION_M, is_column_free, keeps, keeps_to_the_known, landing_places};
 use crate::emergency::{Emergency, RETURN_ROOM};
 use crate::goal::{Goal, GoalStatus};
 
@@ -158,7 +158,7 @@ impl Fly {
     /// Whether what is left of a proved flight is still free. What is not known any more was known when it was proved.
     fn is_still_free(&self, rest: &PolynomialTrajectory, air: &AirSpace) -> bool {
         let movers = Movers { list: air.movers, keep_m: self.config.radius_m, horizon_s: self.config.prediction_s };
-        keeps(rest, self.config.radius_m - INTRUSION_M, true, air) && movers.slack_m(rest) >= 0.0
+        keeps(rest, self.config.radius_m - INTRUSION_M, air) && movers.slack_m(rest) >= 0.0
     }
 
     /// Down here if there is room; else above the nearest place where there is, else here all the same.
@@ -198,7 +198,8 @@ impl Fly {
         if self.flying.is_some() && state.v.norm() > RESTING_MPS {
             let brake = planner::stop_trajectory(&state, &self.config.limits);
             // Nobody proved it free: it has to keep the distance that a proof would ask for.
-            if !must && !keeps(&brake, self.config.clearance_m(), false, air) {
+            let cell_m = self.config.search_resolution_m;
+            if !must && !keeps_to_the_known(&brake, self.config.clearance_m(), cell_m, air) {
                 return;
             }
         }

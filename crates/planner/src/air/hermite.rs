@@ -2,7 +2,9 @@
 //!
 //! With `u = t / T` and scaled states `y_k = p^(k) T^k` at both ends, the coefficients of `u^0 .. u^(S-1)` are `y_k / k!` of
 //! the start, and those of `u^S .. u^(2S-1)` are linear in both: `FROM_START y_start + FROM_END y_end`. The effort
-//! `integral |p^(S)|^2 dt` is the quadratic form `T^(1-2S) y^T K y` with the blocks below.
+//! `integral |p^(S)|^2 dt` is the quadratic form `T^(1-2S) y^T K y` with the blocks below. Entries of `K` are whole numbers, those of the
+//! other tables multiples of `1 / (S-1)!`: they are rounded to that, since where durations are a thousand times apart a wrong last digit
+//! in a table is worth a thousand million digits in the spline.
 
 /// Tables for order `S`; rows and columns count from 0.
 pub(crate) struct Hermite<const S: usize>;
@@ -11,15 +13,15 @@ type Square<const S: usize> = [[f64; S]; S];
 
 impl<const S: usize> Hermite<S> {
     /// Coefficient of `u^(S+row)` by the column-th scaled derivative at the end.
-    pub const FROM_END: Square<S> = invert(end_conditions::<S>());
+    pub const FROM_END: Square<S> = multiples(&invert(end_conditions::<S>()), factor(S - 1, S - 1));
     /// The same at the start.
-    pub const FROM_START: Square<S> = from_start::<S>();
+    pub const FROM_START: Square<S> = multiples(&from_start::<S>(), factor(S - 1, S - 1));
     /// `K` between start and start, start and end, end and end.
-    pub const START_START: Square<S> = sandwich(&Self::FROM_START, &Self::FROM_START);
+    pub const START_START: Square<S> = multiples(&sandwich(&Self::FROM_START, &Self::FROM_START), 1.0);
     /// Rows: start, columns: end.
-    pub const START_END: Square<S> = sandwich(&Self::FROM_START, &Self::FROM_END);
+    pub const START_END: Square<S> = multiples(&sandwich(&Self::FROM_START, &Self::FROM_END), 1.0);
     /// Rows and columns: end.
-    pub const END_END: Square<S> = sandwich(&Self::FROM_END, &Self::FROM_END);
+    pub const END_END: Square<S> = multiples(&sandwich(&Self::FROM_END, &Self::FROM_END), 1.0);
 }
 
 /// `j! / (j - k)!`: what the k-th derivative makes of the j-th power; 0 for `j < k`.
@@ -92,6 +94,21 @@ const fn sandwich<const S: usize>(left: &Square<S>, right: &Square<S>) -> Square
     k
 }
 
+/// Each entry as the multiple of `1 / parts` that it is but for rounding.
+const fn multiples<const S: usize>(table: &Square<S>, parts: f64) -> Square<S> {
+    let mut exact = [[0.0; S]; S];
+    let mut row = 0;
+    while row < S {
+        let mut column = 0;
+        while column < S {
+            exact[row][column] = (table[row][column] * parts).round() / parts;
+            column += 1;
+        }
+        row += 1;
+    }
+    exact
+}
+
 /// Gauss-Jordan without pivoting: the leading minors of the end conditions are Wronskians of powers, never zero.
 const fn invert<const S: usize>(mut a: Square<S>) -> Square<S> {
     let mut inverse = [[0.0; S]; S];
@@ -141,12 +158,32 @@ mod tests {
         assert_eq!(Hermite::<2>::END_END[0][0], 12.0);
     }
 
+    /// The tables of order 4 worked out with fractions.
+    #[test]
+    fn the_septic_tables_are_exact() {
+        let k = [
+            [100_800.0, -50_400.0, 10_080.0, -840.0],
+            [-50_400.0, 25_920.0, -5_400.0, 480.0],
+            [10_080.0, -5_400.0, 1_200.0, -120.0],
+            [-840.0, 480.0, -120.0, 16.0],
+        ];
+        assert_eq!(Hermite::<4>::END_END, k);
+        let between = [
+            [-100_800.0, 50_400.0, -10_080.0, 840.0],
+            [-50_400.0, 24_480.0, -4_680.0, 360.0],
+            [-10_080.0, 4_680.0, -840.0, 60.0],
+            [-840.0, 360.0, -60.0, 4.0],
+        ];
+        assert_eq!(Hermite::<4>::START_END, between);
+        assert_eq!(Hermite::<4>::FROM_END[0], [35.0, -15.0, 2.5, -1.0 / 6.0]);
+    }
+
     /// Moving a piece as a whole costs nothing, which the splines use: only differences of positions enter.
     #[test]
     fn translation_costs_nothing() {
         for k in 0..4 {
-            assert!((Hermite::<4>::START_START[k][0] + Hermite::<4>::START_END[k][0]).abs() < 1e-6);
-            assert!((Hermite::<4>::START_END[0][k] + Hermite::<4>::END_END[0][k]).abs() < 1e-6);
+            assert_eq!(Hermite::<4>::START_START[k][0] + Hermite::<4>::START_END[k][0], 0.0);
+            assert_eq!(Hermite::<4>::START_END[0][k] + Hermite::<4>::END_END[0][k], 0.0);
         }
     }
 }

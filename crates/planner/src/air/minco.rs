@@ -6,8 +6,8 @@
 //! Departure: the paper solves the banded system `M(T) c = b(q)` of the 2s coefficients of each piece. Here the unknowns are
 //! the s - 1 derivatives at each inner point, and the system says that the effort is stationary in them. It is the same
 //! optimum, but the matrix is symmetric, positive definite and block tridiagonal with blocks of s - 1: a tenth of the
-//! work, no pivoting, and Cholesky factors do not care how the unknowns are scaled, so durations a thousand times apart do no
-//! harm. The same factors carry any gradient from coefficients to points and durations (the paper's adjoint).
+//! work, no pivoting, and Cholesky factors do not care how the unknowns are scaled. At durations a thousand times apart orders 2 and 3 keep
+//! eleven digits; order 4 needs more than a double holds there ([`super::minco_extremes`]). The same factors carry any gradient from coefficients to points and durations (the paper's adjoint).
 
 // Loops over indices are the sums of the formulas.
 #![allow(clippy::needless_range_loop)]
@@ -38,11 +38,11 @@ pub enum MincoError {
 /// A solved spline with its factorised system.
 #[derive(Debug, Clone)]
 pub struct Minco<const ORDER: usize> {
-    durations_s: Vec<f64>,
+    pub(super) durations_s: Vec<f64>,
     /// Position, velocity, ... up to derivative `ORDER - 1` at every point, the ends included.
-    states: Vec<[Vector3<f64>; ORDER]>,
+    pub(super) states: Vec<[Vector3<f64>; ORDER]>,
     /// `2 * ORDER` per piece, ascending powers of local time.
-    coefficients: Vec<Vector3<f64>>,
+    pub(super) coefficients: Vec<Vector3<f64>>,
     /// Per point: Cholesky factor of its block (reciprocals on the diagonal). Row and column 0, the position, are unused.
     factors: Vec<Block<ORDER>>,
     /// Per point: the block of the factor that couples it to the point before.
@@ -85,7 +85,7 @@ impl<const ORDER: usize> Minco<ORDER> {
         Ok(spline)
     }
 
-    /// The same in place: allocates nothing unless there are more pieces than before.
+    /// The same in place: allocates nothing unless there are more pieces than before, or the durations of order 4 are extreme.
     ///
     /// # Errors
     /// [`MincoError`]; the spline is then not to be used.
@@ -118,7 +118,11 @@ impl<const ORDER: usize> Minco<ORDER> {
         self.factors.resize(pieces + 1, [[0.0; ORDER]; ORDER]);
         self.couplings.resize(pieces + 1, [[0.0; ORDER]; ORDER]);
         self.factorise_and_solve()?;
-        self.expand();
+        if self.is_extreme() {
+            self.refine();
+        } else {
+            self.expand();
+        }
         Ok(())
     }
 
@@ -363,24 +367,7 @@ impl<const ORDER: usize> Minco<ORDER> {
         gradient.inner_points.clear();
         gradient.inner_points.extend(adjoint[1..pieces].iter().map(|state| state[0]));
         // H l = dJ/d(derivatives), with the factors of the forward pass.
-        for k in 1..pieces {
-            let (before, here) = adjoint.split_at_mut(k);
-            if k > 1 {
-                for a in 1..ORDER {
-                    for c in 1..ORDER {
-                        here[0][a] -= before[k - 1][c] * self.couplings[k][a][c];
-                    }
-                }
-            }
-            forward(&self.factors[k], &mut here[0]);
-        }
-        for k in (1..pieces).rev() {
-            let (here, later) = adjoint.split_at_mut(k + 1);
-            if k + 1 < pieces {
-                backward_coupling(&self.couplings[k + 1], &later[0], &mut here[k]);
-            }
-            backward(&self.factors[k], &mut here[k]);
-        }
+        self.solve_factored(adjoint);
         // The states keep the effort stationary while points and durations move.
         let (zero, last) = ([Vector3::zeros(); ORDER], pieces - 1);
         for i in 0..pieces {
@@ -400,6 +387,29 @@ impl<const ORDER: usize> Minco<ORDER> {
             if i < last {
                 gradient.inner_points[i] += along;
             }
+        }
+    }
+
+    /// Solves for right-hand sides at the inner points (row 0, the position, is left alone) with the factors of the forward pass.
+    pub(super) fn solve_factored(&self, right: &mut [[Vector3<f64>; ORDER]]) {
+        let pieces = self.durations_s.len();
+        for k in 1..pieces {
+            let (before, here) = right.split_at_mut(k);
+            if k > 1 {
+                for a in 1..ORDER {
+                    for c in 1..ORDER {
+                        here[0][a] -= before[k - 1][c] * self.couplings[k][a][c];
+                    }
+                }
+            }
+            forward(&self.factors[k], &mut here[0]);
+        }
+        for k in (1..pieces).rev() {
+            let (here, later) = right.split_at_mut(k + 1);
+            if k + 1 < pieces {
+                backward_coupling(&self.couplings[k + 1], &later[0], &mut here[k]);
+            }
+            backward(&self.factors[k], &mut here[k]);
         }
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::config::AirConfig;
-use super::search::SearchGrid;
+use super::search::{SAME_M, SearchGrid};
 
 const BUCKET_M: f64 = 0.5;
 /// Round every leg the corridor has at least this much room: consecutive polytopes have to overlap.
@@ -102,12 +102,10 @@ impl<'a> Surroundings<'a> {
                 found.push(Obstacle { at: *p, needed_m, liked_m: self.needed_m + self.comfort_m });
             }
         });
-        // The centre may not enter unknown cells; how much of the body may is the map's business (it calls a point free).
-        let needed_m = 0.45 * self.resolution_m;
-        let shrink = Vector3::repeat((self.needed_m - self.resolution_m).max(0.0));
-        self.grid.for_unknown_border(&(low + shrink), &(high - shrink), |at| {
-            let needed_m = needed_m.min((at - self.start).norm() - THINNEST_M);
-            found.push(Obstacle { at, needed_m, liked_m: needed_m + self.resolution_m });
+        // What nobody has seen may be anything: it is kept away from like an obstacle, and comfort is for obstacles.
+        self.grid.for_unknown_border(&low, &high, |at| {
+            let needed_m = self.needed_m.min((at - self.start).norm() - THINNEST_M);
+            found.push(Obstacle { at, needed_m, liked_m: needed_m });
             true
         });
         found
@@ -115,13 +113,13 @@ impl<'a> Surroundings<'a> {
 
     /// Whether a straight flight keeps every demanded distance. Exact on the points.
     pub fn is_clear(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
-        let reach = Vector3::repeat(self.needed_m + THINNEST_M);
+        let wanted = self.needed_m + THINNEST_M;
+        let reach = Vector3::repeat(wanted);
         let (low, high) = (a.inf(b) - reach, a.sup(b) + reach);
         let mut clear = true;
         self.for_points(&low, &high, |p| {
             let d = (p - nearest_on_segment(a, b, p)).norm();
-            let wanted = self.needed_m + THINNEST_M;
-            clear &= d >= wanted || d >= (p - self.start).norm() - 1e-6;
+            clear &= d >= wanted || d >= (p - self.start).norm() - SAME_M;
         });
         if !clear {
             return false;
@@ -141,11 +139,9 @@ impl<'a> Surroundings<'a> {
                 last = node;
             }
         }
-        // The corridor needs a plane between the segment and every unknown cell.
-        let reach = Vector3::repeat(self.resolution_m);
-        let wanted = 0.45 * self.resolution_m + THINNEST_M;
-        self.grid.for_unknown_border(&(a.inf(b) - reach), &(a.sup(b) + reach), |at| {
-            (at - nearest_on_segment(a, b, &at)).norm() >= wanted.min((at - self.start).norm() - 1e-6)
+        self.grid.for_unknown_border(&low, &high, |at| {
+            let apart = (at - nearest_on_segment(a, b, &at)).norm();
+            apart >= wanted || apart >= (at - self.start).norm() - SAME_M
         })
     }
 
@@ -155,6 +151,10 @@ impl<'a> Surroundings<'a> {
         let reach = Vector3::repeat(wanted + self.resolution_m);
         let mut near = Vec::new();
         self.for_points(&(point - reach), &(point + reach), |p| near.push(*p));
+        self.grid.for_unknown_border(&(point - reach), &(point + reach), |at| {
+            near.push(at);
+            true
+        });
         let least = |p: &Vector3<f64>| near.iter().map(|o| (o - p).norm()).fold(f64::INFINITY, f64::min);
         let mut best = (least(point), *point);
         let mut step = 0.5 * self.resolution_m;

@@ -4,14 +4,16 @@
 //! J(q, T) = E + rho sum T + sum_i T_i / K sum_j w_j sum_c weight_c phi(violation_c(t_j)),   t_j = j T_i / K, w = 1/2 at the ends
 //! ```
 //! Samples see limits through a smoothed kink `phi`, so a minimum of J exceeds limits a little and between samples: it is a
-//! start and a yardstick, not a flight. What the Bernstein points prove to be inside is not sampled; its penalty is zero.
+//! start and a yardstick, not a flight. What the Bernstein points prove to be inside is not sampled; its penalty is zero. This file is the
+//! text; [`PenalisedSpline::evaluate`] takes four samples at a time ([`super::penalty_lanes`]).
 
 use nalgebra::Vector3;
 
 use super::bernstein::QuinticPoints;
-use super::flatness::ThrustAxis;
+use super::flatness::{Airframe, ThrustAxis};
 use super::limits::{BoundaryState, FlightLimits, LimitsError};
 use super::minco::{Minco, MincoError, MincoGradient};
+use super::penalty_lanes::{self, Piece, Samples};
 use super::polytope::{HalfSpace, Polytope};
 use super::proof::rotors_within;
 
@@ -30,7 +32,7 @@ pub struct PenaltyWeights {
     pub thrust: f64,
     /// Width of the smoothed kink (1e-2).
     pub smoothing: f64,
-    /// Intervals of a piece; one sample more (16).
+    /// Intervals of a piece; one sample more (16; at least 1).
     pub intervals: usize,
 }
 
@@ -82,6 +84,7 @@ pub struct PenalisedSpline<'a> {
     adjoint: Vec<[Vector3<f64>; 3]>,
     penalty_gradient: MincoGradient,
     open_faces: Vec<HalfSpace>,
+    samples: Samples,
 }
 
 impl<'a> PenalisedSpline<'a> {
@@ -99,6 +102,7 @@ impl<'a> PenalisedSpline<'a> {
         weights: PenaltyWeights,
     ) -> Result<Self, PenaltyError> {
         limits.validate()?;
+        let weights = PenaltyWeights { intervals: weights.intervals.max(1), ..weights };
         let count = corridor.len();
         if let Some((piece, &polytope)) = polytope_of.iter().enumerate().find(|(_, k)| **k >= count) {
             return Err(PenaltyError::NoPolytope { piece, polytope, count });
@@ -118,6 +122,7 @@ impl<'a> PenalisedSpline<'a> {
             adjoint: Vec::new(),
             penalty_gradient: MincoGradient::default(),
             open_faces: Vec::new(),
+            samples: Samples::new(weights.intervals),
             spline,
         })
     }
@@ -135,6 +140,26 @@ impl<'a> PenalisedSpline<'a> {
         durations_s: &[f64],
         gradient: &mut MincoGradient,
     ) -> f64 {
+        self.evaluate_by(inner_points, durations_s, gradient, Self::piece)
+    }
+
+    /// The same sample by sample, as the formulas stand.
+    pub fn evaluate_plainly(
+        &mut self,
+        inner_points: &[Vector3<f64>],
+        durations_s: &[f64],
+        gradient: &mut MincoGradient,
+    ) -> f64 {
+        self.evaluate_by(inner_points, durations_s, gradient, Self::piece_plainly)
+    }
+
+    fn evaluate_by(
+        &mut self,
+        inner_points: &[Vector3<f64>],
+        durations_s: &[f64],
+        gradient: &mut MincoGradient,
+        piece: impl Fn(&mut Self, usize, &OpenPiece) -> f64,
+    ) -> f64 {
         let is_solved = durations_s.len() == self.polytope_of.len()
             && self.spline.solve_again(&self.head, &self.tail, inner_points, durations_s).is_ok();
         if !is_solved {
@@ -147,7 +172,7 @@ impl<'a> PenalisedSpline<'a> {
         self.by_durations.fill(0.0);
         let mut is_violated = false;
         for i in 0..durations_s.len() {
-            let penalty = self.piece(i);
+            let penalty = self.open(i).map_or(0.0, |open| piece(self, i, &open));
             cost += penalty;
             is_violated |= penalty > 0.0;
         }
@@ -168,14 +193,12 @@ impl<'a> PenalisedSpline<'a> {
         cost
     }
 
-    /// Penalty of a piece; its gradient is added by coefficients and duration.
-    fn piece(&mut self, i: usize) -> f64 {
-        let duration = self.spline.durations_s()[i];
-        let mut c = [Vector3::zeros(); 6];
-        c.copy_from_slice(&self.spline.coefficients()[6 * i..6 * i + 6]);
-        let Some(points) = QuinticPoints::new(&c, duration) else { return 0.0 };
-        let PenaltyWeights { smoothing, intervals, .. } = self.weights;
-        // What the hull proves needs no samples.
+    /// What the hull of a piece does not prove; its faces stay in the buffer. `None` where it proves everything.
+    fn open(&mut self, i: usize) -> Option<OpenPiece> {
+        let duration_s = self.spline.durations_s()[i];
+        let mut coefficients = [Vector3::zeros(); 6];
+        coefficients.copy_from_slice(&self.spline.coefficients()[6 * i..6 * i + 6]);
+        let points = QuinticPoints::new(&coefficients, duration_s)?;
         self.open_faces.clear();
         for face in &self.corridor[self.polytope_of[i]].faces {
             if points.position.iter().any(|p| face.normal.dot(p) > face.offset_m) {
@@ -185,9 +208,31 @@ impl<'a> PenalisedSpline<'a> {
         let fastest = self.limits.max_speed_mps * self.limits.max_speed_mps;
         let may_speed = points.velocity.iter().any(|v| v.norm_squared() > fastest);
         let airframe = self.limits.airframe.filter(|airframe| !rotors_within(&points, airframe, self.limits));
-        if self.open_faces.is_empty() && !may_speed && airframe.is_none() {
-            return 0.0;
-        }
+        let is_proved = self.open_faces.is_empty() && !may_speed && airframe.is_none();
+        (!is_proved).then_some(OpenPiece { coefficients, duration_s, airframe })
+    }
+
+    /// Penalty of a piece; its gradient is added by coefficients and duration.
+    fn piece(&mut self, i: usize, open: &OpenPiece) -> f64 {
+        let piece = Piece {
+            coefficients: &open.coefficients,
+            duration_s: open.duration_s,
+            open_faces: &self.open_faces,
+            airframe: open.airframe.as_ref(),
+            limits: self.limits,
+            weights: &self.weights,
+        };
+        let by = &mut self.by_coefficients[6 * i..6 * i + 6];
+        let (total, by_duration) = penalty_lanes::penalty(&piece, &self.samples, by);
+        self.by_durations[i] += by_duration;
+        total
+    }
+
+    /// The same sample by sample.
+    fn piece_plainly(&mut self, i: usize, open: &OpenPiece) -> f64 {
+        let OpenPiece { coefficients: c, duration_s: duration, airframe } = *open;
+        let PenaltyWeights { smoothing, intervals, .. } = self.weights;
+        let fastest = self.limits.max_speed_mps * self.limits.max_speed_mps;
         let steepest = self.limits.max_tilt_rad.cos();
         let by = &mut self.by_coefficients[6 * i..6 * i + 6];
         let mut total = 0.0;
@@ -243,6 +288,14 @@ impl<'a> PenalisedSpline<'a> {
         }
         total
     }
+}
+
+/// A piece of which the hull does not prove everything.
+struct OpenPiece {
+    coefficients: [Vector3<f64>; 6],
+    duration_s: f64,
+    /// Where the rotors' limits are not proved.
+    airframe: Option<Airframe>,
 }
 
 /// Penalties of tilt (`steepest` is the cosine of its limit), rate and thrust; hands on their gradient by axis, turning and thrust

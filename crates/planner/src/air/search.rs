@@ -26,6 +26,8 @@ const STEP_M: f64 = 0.001;
 const LENIENCE: f64 = 0.6;
 /// What a metre through the unknown costs, where that is allowed.
 const UNKNOWN_PRICE: f64 = 4.0;
+/// Distances are the same within this (m).
+pub(super) const SAME_M: f64 = 1e-6;
 const UNSET: u16 = 0;
 const UNKNOWN: u16 = 1;
 /// Stored clearance = (code - OFFSET) steps, for known points.
@@ -194,6 +196,18 @@ impl<'a> SearchGrid<'a> {
             }
         }
         true
+    }
+
+    /// Whether the body at `p`, with what it keeps from obstacles, touches no unknown lattice point, except those that are not nearer
+    /// than they are to the body at `start`. On the way as much may be lacking as free points may lack, at an end nothing.
+    pub fn is_known_around(&self, p: &Vector3<f64>, start: &Vector3<f64>, is_end: bool) -> bool {
+        let lenience_m = if is_end { 0.0 } else { self.lenience_m };
+        let wanted = self.needed_m + self.obstacle_radius_m - lenience_m;
+        let reach = Vector3::repeat(wanted);
+        self.for_unknown_border(&(p - reach), &(p + reach), |at| {
+            let apart = (at - p).norm();
+            apart >= wanted || apart >= (at - start).norm() - SAME_M
+        })
     }
 
     fn is_known(&self, node: usize) -> bool {

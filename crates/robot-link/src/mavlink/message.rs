@@ -16,12 +16,14 @@ pub struct Specification {
 pub fn specification(id: u32) -> Option<Specification> {
     let (crc_extra, length) = match id {
         0 => (50, 9),
+        1 => (124, 31),
         31 => (246, 48),
         32 => (185, 28),
         76 => (152, 33),
         77 => (143, 10),
         84 => (143, 53),
         111 => (34, 16),
+        147 => (154, 36),
         253 => (83, 54),
         331 => (91, 233),
         _ => return None,
@@ -34,6 +36,8 @@ pub fn specification(id: u32) -> Option<Specification> {
 pub enum Message {
     /// "I am here", once a second.
     Heartbeat(Heartbeat),
+    /// How the vehicle is, its battery among others.
+    SysStatus(SysStatus),
     /// Which way the vehicle is turned.
     AttitudeQuaternion(AttitudeQuaternion),
     /// Where the vehicle is.
@@ -46,6 +50,8 @@ pub enum Message {
     SetPositionTargetLocalNed(SetPositionTargetLocalNed),
     /// Clock comparison.
     Timesync(Timesync),
+    /// How one battery is.
+    BatteryStatus(BatteryStatus),
     /// A sentence for people.
     StatusText(StatusText),
     /// Where the robot is, from our own odometry.
@@ -67,6 +73,23 @@ pub struct Heartbeat {
     pub system_status: u8,
     /// Always 3.
     pub mavlink_version: u8,
+}
+
+/// SYS_STATUS (1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SysStatus {
+    /// Sensors that are there, that are switched on, and that work: MAV_SYS_STATUS_SENSOR flags.
+    pub sensors: [u32; 3],
+    /// Load of the main loop, 0.1 %.
+    pub load: u16,
+    /// Battery, mV; 65535 unknown.
+    pub voltage_battery: u16,
+    /// Battery, 10 mA; -1 unknown.
+    pub current_battery: i16,
+    /// Share of packets lost, 0.01 %; packets lost; four counters of the autopilot's own.
+    pub errors: [u16; 6],
+    /// Battery, percent left; -1 unknown.
+    pub battery_remaining: i8,
 }
 
 /// ATTITUDE_QUATERNION (31).
@@ -159,6 +182,29 @@ pub struct Timesync {
     pub ts1: i64,
 }
 
+/// BATTERY_STATUS (147).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BatteryStatus {
+    /// Drawn so far, mAh; -1 unknown.
+    pub current_consumed: i32,
+    /// Drawn so far, hJ; -1 unknown.
+    pub energy_consumed: i32,
+    /// 0.01 degrees Celsius; 32767 unknown.
+    pub temperature: i16,
+    /// Of each cell, mV; 65535 for none.
+    pub voltages: [u16; 10],
+    /// 10 mA; -1 unknown.
+    pub current_battery: i16,
+    /// Which battery.
+    pub id: u8,
+    /// MAV_BATTERY_FUNCTION: what it drives.
+    pub battery_function: u8,
+    /// MAV_BATTERY_TYPE: its chemistry.
+    pub battery_type: u8,
+    /// Percent left; -1 unknown.
+    pub battery_remaining: i8,
+}
+
 /// STATUSTEXT (253).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StatusText {
@@ -214,12 +260,14 @@ impl Message {
     pub fn id(&self) -> u32 {
         match self {
             Self::Heartbeat(_) => 0,
+            Self::SysStatus(_) => 1,
             Self::AttitudeQuaternion(_) => 31,
             Self::LocalPositionNed(_) => 32,
             Self::CommandLong(_) => 76,
             Self::CommandAck(_) => 77,
             Self::SetPositionTargetLocalNed(_) => 84,
             Self::Timesync(_) => 111,
+            Self::BatteryStatus(_) => 147,
             Self::StatusText(_) => 253,
             Self::Odometry(_) => 331,
         }
@@ -232,6 +280,14 @@ impl Message {
             Self::Heartbeat(m) => {
                 out.extend(m.custom_mode.to_le_bytes());
                 out.extend([m.vehicle_type, m.autopilot, m.base_mode, m.system_status, m.mavlink_version]);
+            }
+            Self::SysStatus(m) => {
+                m.sensors.iter().for_each(|flags| out.extend(flags.to_le_bytes()));
+                out.extend(m.load.to_le_bytes());
+                out.extend(m.voltage_battery.to_le_bytes());
+                out.extend(m.current_battery.to_le_bytes());
+                m.errors.iter().for_each(|count| out.extend(count.to_le_bytes()));
+                out.extend(m.battery_remaining.to_le_bytes());
             }
             Self::AttitudeQuaternion(m) => {
                 out.extend(m.time_boot_ms.to_le_bytes());
@@ -268,6 +324,15 @@ impl Message {
                 out.extend(m.tc1.to_le_bytes());
                 out.extend(m.ts1.to_le_bytes());
             }
+            Self::BatteryStatus(m) => {
+                out.extend(m.current_consumed.to_le_bytes());
+                out.extend(m.energy_consumed.to_le_bytes());
+                out.extend(m.temperature.to_le_bytes());
+                m.voltages.iter().for_each(|voltage| out.extend(voltage.to_le_bytes()));
+                out.extend(m.current_battery.to_le_bytes());
+                out.extend([m.id, m.battery_function, m.battery_type]);
+                out.extend(m.battery_remaining.to_le_bytes());
+            }
             Self::StatusText(m) => {
                 out.push(m.severity);
                 out.extend(m.text);
@@ -301,6 +366,14 @@ impl Message {
                 base_mode: f.byte(),
                 system_status: f.byte(),
                 mavlink_version: f.byte(),
+            }),
+            1 => Self::SysStatus(SysStatus {
+                sensors: std::array::from_fn(|_| u32::from_le_bytes(f.take())),
+                load: u16::from_le_bytes(f.take()),
+                voltage_battery: u16::from_le_bytes(f.take()),
+                current_battery: i16::from_le_bytes(f.take()),
+                errors: std::array::from_fn(|_| u16::from_le_bytes(f.take())),
+                battery_remaining: i8::from_le_bytes(f.take()),
             }),
             31 => Self::AttitudeQuaternion(AttitudeQuaternion {
                 time_boot_ms: u32::from_le_bytes(f.take()),
@@ -341,6 +414,17 @@ impl Message {
                 coordinate_frame: f.byte(),
             }),
             111 => Self::Timesync(Timesync { tc1: i64::from_le_bytes(f.take()), ts1: i64::from_le_bytes(f.take()) }),
+            147 => Self::BatteryStatus(BatteryStatus {
+                current_consumed: i32::from_le_bytes(f.take()),
+                energy_consumed: i32::from_le_bytes(f.take()),
+                temperature: i16::from_le_bytes(f.take()),
+                voltages: std::array::from_fn(|_| u16::from_le_bytes(f.take())),
+                current_battery: i16::from_le_bytes(f.take()),
+                id: f.byte(),
+                battery_function: f.byte(),
+                battery_type: f.byte(),
+                battery_remaining: i8::from_le_bytes(f.take()),
+            }),
             253 => Self::StatusText(StatusText {
                 severity: f.byte(),
                 text: f.take(),
@@ -418,6 +502,8 @@ mod tests {
             Message::CommandAck(CommandAck::default()),
             Message::SetPositionTargetLocalNed(SetPositionTargetLocalNed::default()),
             Message::Timesync(Timesync::default()),
+            Message::SysStatus(SysStatus::default()),
+            Message::BatteryStatus(BatteryStatus::default()),
             Message::AttitudeQuaternion(AttitudeQuaternion::default()),
             Message::LocalPositionNed(LocalPositionNed::default()),
             Message::StatusText(StatusText { severity: 6, text: [b'x'; 50], id: 0, chunk: 0 }),

@@ -24,6 +24,7 @@ pub use fault::{Fault, Step};
 
 use nalgebra::{Isometry3, Matrix6, Vector3};
 
+use crate::mavlink::battery::BatteryGauges;
 use crate::mavlink::clock::ClockOffset;
 use crate::mavlink::command::{CommandInFlight, RetryConfig};
 use crate::mavlink::frame::{FrameReader, FrameWriter, Statistics};
@@ -160,6 +161,7 @@ pub struct OffboardSession {
     stage: Stage,
     fault: Option<Fault>,
     vehicle: VehicleState,
+    gauges: BatteryGauges,
     clock: ClockOffset,
     /// Time of the autopilot's last message.
     heard_ns: Option<i64>,
@@ -218,6 +220,7 @@ impl OffboardSession {
             stage: Stage::Waiting,
             fault: None,
             vehicle: VehicleState::default(),
+            gauges: BatteryGauges::default(),
             clock: ClockOffset::default(),
             heard_ns: None,
             heartbeat: None,
@@ -351,6 +354,11 @@ impl OffboardSession {
     /// What the autopilot said about itself.
     pub fn vehicle(&self) -> &VehicleState {
         &self.vehicle
+    }
+
+    /// What it says of its batteries: the least charge of the last ten seconds, 1 full, 0 empty; `None` where it says nothing.
+    pub fn charge(&self, now_ns: i64) -> Option<f64> {
+        self.gauges.charge(now_ns)
     }
 
     /// The last sentence of the autopilot for people.

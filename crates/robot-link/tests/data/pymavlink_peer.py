@@ -39,6 +39,8 @@ def golden():
         "text": (13, None, mav.MAVLink_statustext_message(4, b"Arming denied: no estimate")),
         "land": (14, None, mav.MAVLink_command_long_message(1, 1, 21, 0, 0, 0, 0, nan, nan, nan, 0)),
         "interval": (15, None, mav.MAVLink_command_long_message(1, 1, 511, 0, 32, 20000, 0, 0, 0, 0, 0)),
+        "vehicle": (18, None, mav.MAVLink_sys_status_message(7, 3, 1, 512, 15250, 1234, 63, 1, 2, 3, 4, 5, 6)),
+        "battery": (19, None, mav.MAVLink_battery_status_message(1, 1, 3, 2512, [3810, 3805] + [65535] * 8, 1234, 310, -1, 63)),
         "signed heartbeat": (16, 371 * 10**12 // 10, mav.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)),
         "signed timesync": (17, 371 * 10**12 // 10 + 1, mav.MAVLink_timesync_message(0, 5)),
     }

@@ -20,6 +20,45 @@ pub fn message() -> impl Strategy<Value = Message> {
             system_status: b[3],
             mavlink_version: b[4]
         })),
+        (
+            prop::array::uniform3(any::<u32>()),
+            prop::array::uniform6(any::<u16>()),
+            any::<[u16; 2]>(),
+            any::<i16>(),
+            any::<i8>()
+        )
+            .prop_map(|(sensors, errors, [load, voltage_battery], current_battery, battery_remaining)| {
+                Message::SysStatus(SysStatus {
+                    sensors,
+                    load,
+                    voltage_battery,
+                    current_battery,
+                    errors,
+                    battery_remaining,
+                })
+            }),
+        (any::<[i32; 2]>(), prop::array::uniform10(any::<u16>()), any::<[i16; 2]>(), any::<[u8; 3]>(), any::<i8>())
+            .prop_map(
+                |(
+                    [current_consumed, energy_consumed],
+                    voltages,
+                    [temperature, current_battery],
+                    b,
+                    battery_remaining,
+                )| {
+                    Message::BatteryStatus(BatteryStatus {
+                        current_consumed,
+                        energy_consumed,
+                        temperature,
+                        voltages,
+                        current_battery,
+                        id: b[0],
+                        battery_function: b[1],
+                        battery_type: b[2],
+                        battery_remaining,
+                    })
+                }
+            ),
         (prop::array::uniform7(float()), any::<u16>(), any::<[u8; 3]>()).prop_map(|(params, command, b)| {
             Message::CommandLong(CommandLong {
                 params,

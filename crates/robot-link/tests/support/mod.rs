@@ -8,8 +8,8 @@ pub mod messages;
 
 use robot_link::mavlink::signing::{Signer, SigningKey};
 use robot_link::mavlink::{
-    AttitudeQuaternion, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed, Message,
-    StatusText, Timesync,
+    AttitudeQuaternion, BatteryStatus, CommandAck, CommandLong, FrameReader, FrameWriter, Heartbeat, LocalPositionNed,
+    Message, StatusText, Timesync,
 };
 
 pub const MS: i64 = 1_000_000;
@@ -31,6 +31,8 @@ pub struct ModelPx4 {
     pub is_mute: bool,
     /// No pose.
     pub has_no_estimate: bool,
+    /// What it says of its battery, in percent, if anything.
+    pub battery: Option<i8>,
     /// Rules that were broken.
     pub violations: Vec<String>,
     /// Commands received, with their times.
@@ -57,6 +59,7 @@ impl ModelPx4 {
             answer_to_arming: 0,
             is_mute: false,
             has_no_estimate: false,
+            battery: None,
             violations: Vec::new(),
             commands: Vec::new(),
             set_points: Vec::new(),
@@ -179,6 +182,11 @@ impl ModelPx4 {
             let heartbeat =
                 Heartbeat { custom_mode, vehicle_type, autopilot, base_mode, system_status: 4, mavlink_version: 3 };
             said.push(Message::Heartbeat(heartbeat));
+        }
+        if tick % 100 == 0
+            && let Some(battery_remaining) = self.battery
+        {
+            said.push(Message::BatteryStatus(BatteryStatus { battery_remaining, ..BatteryStatus::default() }));
         }
         if tick % 7 == 0 && !self.has_no_estimate {
             let position = self.position;

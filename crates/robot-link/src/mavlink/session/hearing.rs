@@ -66,6 +66,8 @@ impl OffboardSession {
                     self.hear_report(now_ns, Report::Jumped);
                 }
             }
+            Message::SysStatus(status) => self.gauges.hear_vehicle(&status, now_ns),
+            Message::BatteryStatus(status) => self.gauges.hear_battery(&status, now_ns),
             Message::StatusText(text) => self.words = Some(text.words()).filter(|words| !words.is_empty()),
             _ => {}
         }
