@@ -41,7 +41,12 @@ pub fn lines(title: &str, unit: &str, axis: &str, series: &[(&str, Vec<(f64, f64
                 }
             }
             if series.len() > 1 {
-                chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.2)).draw()?;
+                chart
+                    .configure_series_labels()
+                    .position(SeriesLabelPosition::LowerRight)
+                    .background_style(WHITE.mix(0.8))
+                    .border_style(BLACK.mix(0.2))
+                    .draw()?;
             }
             root.present()?;
             Ok(())
