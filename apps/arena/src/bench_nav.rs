@@ -12,6 +12,7 @@ use mission::stage_clock::CpuScope;
 use serde::Serialize;
 
 use crate::cli::word;
+use crate::known_building::survey_of;
 use crate::progress::ProgressView;
 use crate::run::{RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
@@ -48,12 +49,20 @@ pub struct BenchNav {
     pub success_rate: f64,
     /// Mean SPL.
     pub spl_mean: f64,
+    /// The same, of buildings that were not known; `null` with `--known`.
+    pub spl_unknown: Option<f64>,
+    /// The same, of buildings known from a survey; `null` without `--known`.
+    pub spl_known: Option<f64>,
     /// Touches of buildings and things in all runs.
     pub collisions: usize,
     /// People who walked about in each run.
     pub people: u32,
     /// Touches of people while the robot moved, in all runs.
     pub contacts_with_people: usize,
+    /// CPU time in which the map of ways was brought up to date, of all runs.
+    pub graph_update_ms: Times,
+    /// CPU time of a search for a way, of all runs.
+    pub route_ms: Times,
     /// Simulated seconds of all runs over seconds on the wall.
     pub realtime_factor: f64,
     /// Seconds on the wall.
@@ -62,6 +71,26 @@ pub struct BenchNav {
     pub drawn: Drawn,
     /// Every run.
     pub runs: Vec<Summary>,
+}
+
+/// CPU times of something that was done often.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Times {
+    /// Half took no longer.
+    pub median: f64,
+    /// Of a hundred, one took longer.
+    pub p99: f64,
+}
+
+impl Times {
+    fn of(mut samples_us: Vec<u32>) -> Times {
+        samples_us.sort_unstable();
+        let at = |share: f64| {
+            let index = (samples_us.len() as f64 * share) as usize;
+            samples_us.get(index.min(samples_us.len().saturating_sub(1))).map_or(0.0, |us| f64::from(*us) / 1e3)
+        };
+        Times { median: at(0.5), p99: at(0.99) }
+    }
 }
 
 /// Draws and runs the scenes with these indices. A run that cannot be set up is a failure with its reason, never a gap. With
@@ -73,6 +102,7 @@ pub fn bench_nav(
     indices: &[usize],
     seed: u64,
     config: &RunConfig,
+    is_known: bool,
     keep: Option<&Path>,
     is_quiet: bool,
     stop: &Arc<AtomicBool>,
@@ -83,7 +113,7 @@ pub fn bench_nav(
     let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes = on_each_core(indices.len(), |position| {
         let index = indices[position];
-        let outcome = one_run(robot, kind, seed, index, config, keep, stop);
+        let outcome = one_run(robot, kind, seed, index, config, is_known, keep, stop);
         let summary = &outcome.0;
         let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
         let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -95,17 +125,26 @@ pub fn bench_nav(
     })?;
     view.finish();
 
+    let pooled = |of: fn(&Facts) -> &Vec<u32>| {
+        Times::of(outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).flat_map(|facts| of(facts).clone()).collect())
+    };
+    let (graph_update_ms, route_ms) = (pooled(|facts| &facts.updates_us), pooled(|facts| &facts.routes_us));
     let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();
     let drawn = drawn(&facts);
     let runs: Vec<Summary> = outcomes.into_iter().map(|(summary, _)| summary).collect();
     let count = runs.len().max(1) as f64;
     let wall_s = start.elapsed().as_secs_f64();
+    let spl_mean = runs.iter().map(|run| run.spl).sum::<f64>() / count;
     Ok(BenchNav {
         robot: word(kind).to_owned(),
         scenes: indices.len(),
         seed,
         success_rate: runs.iter().filter(|run| run.success).count() as f64 / count,
-        spl_mean: runs.iter().map(|run| run.spl).sum::<f64>() / count,
+        spl_mean,
+        spl_unknown: (!is_known).then_some(spl_mean),
+        spl_known: is_known.then_some(spl_mean),
+        graph_update_ms,
+        route_ms,
         collisions: runs.iter().map(|run| run.collisions).sum(),
         people: config.simulation.crowd.people,
         contacts_with_people: runs.iter().map(|run| run.contacts_with_people).sum(),
@@ -125,14 +164,18 @@ struct Facts {
     is_target_visible: bool,
     has_rival: bool,
     shortest_m: f64,
+    updates_us: Vec<u32>,
+    routes_us: Vec<u32>,
 }
 
+#[allow(clippy::too_many_arguments)] // one for each thing that decides the run
 fn one_run(
     robot: &RobotModel,
     kind: RobotKind,
     seed: u64,
     index: usize,
     config: &RunConfig,
+    is_known: bool,
     keep: Option<&Path>,
     stop: &Arc<AtomicBool>,
 ) -> Outcome {
@@ -151,13 +194,22 @@ fn one_run(
         Err(error) => return (failed(format!("could not be drawn: {error:#}")), None),
     };
     let Scenario { scene, task, start, seed: run_seed, is_target_visible, has_rival, shortest_m, rooms } = scenario;
-    let facts = Facts { rooms, kind: kind_word(&task), is_target_visible, has_rival, shortest_m };
+    let (updates_us, routes_us) = (Vec::new(), Vec::new());
+    let mut facts =
+        Facts { rooms, kind: kind_word(&task), is_target_visible, has_rival, shortest_m, updates_us, routes_us };
     let (scene, task, start) = (&scene, &task, &start);
-    let setup = Setup { config, robot, scene, task, start, known: None, seed: run_seed, vehicle: None };
+    let known = match is_known.then(|| survey_of(robot, scene, run_seed, config)).transpose() {
+        Ok(known) => known,
+        Err(error) => return (failed(format!("the building could not be surveyed: {error:#}")), Some(facts)),
+    };
+    let setup = Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None };
     let result = run(setup, stop, &mut |_| {});
     let summary = match result {
         Ok(result) => {
             let summary = result.summary.clone();
+            let clock = &result.journal().clock;
+            facts.updates_us = clock.samples_us("navigation").to_vec();
+            facts.routes_us = clock.samples_us("route").to_vec();
             if let Some(folder) = keep {
                 let written = RunFolder::new(&folder.join(format!("{}-{seed}-{index:03}", word(kind))))
                     .and_then(|folder| write_run(&folder, &result, scene, task).map(|()| folder))

@@ -14,6 +14,7 @@ pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
 pub mod flight_options;
+pub mod known_building;
 pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;

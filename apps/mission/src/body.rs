@@ -1,7 +1,7 @@
 //! The two bodies behind one face: what the mind wants is the same, how it is done is not.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::AirSpace;
+use planner::{AirSpace, GroundMover};
 use robot_model::{RobotKind, RobotModel};
 
 use crate::config::MissionConfig;
@@ -163,10 +163,11 @@ impl Body {
         world_from_body: &Isometry3<f64>,
         velocity_in_body: Vector3<f64>,
         obstacles: &[Point2<f32>],
+        movers: &[GroundMover],
         distance_m: Option<f64>,
     ) -> Command {
         match self {
-            Body::Ground(drive) => drive.command(world_from_body, velocity_in_body, obstacles),
+            Body::Ground(drive) => drive.command(world_from_body, velocity_in_body, obstacles, movers),
             Body::Air(fly) => fly.command(world_from_body, distance_m),
         }
     }

@@ -94,12 +94,14 @@ impl Mission {
         let velocity = velocity_in_body(&odometry);
         let pose = odometry.world_from_body;
         let distance_m = self.world.field.distance(&at);
+        let movers = self.world.people.on_the_ground(odometry.stamp);
         let obstacles = match self.body {
             Body::Ground(_) => self.world.obstacles_near(&Point2::new(at.x, at.y)),
             Body::Air(_) => &[],
         };
         let body = &mut self.body;
-        let command = self.journal.clock.time("control", || body.command(&pose, velocity, obstacles, distance_m));
+        let command =
+            self.journal.clock.time("control", || body.command(&pose, velocity, obstacles, &movers, distance_m));
         if self.t_moved_s.is_none() && odometry.velocity_in_world_mps.norm() > 0.05 {
             self.t_moved_s = Some(odometry.stamp);
         }

@@ -1,7 +1,7 @@
 //! On the ground: from a goal to velocities. The route follows the map, the local policy follows what the last scans show.
 
 use nalgebra::{Isometry3, Point2, Vector3};
-use planner::{LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus};
+use planner::{GroundMover, LocalPolicy, LocalPolicyConfig, LocalPolicyError, LocalStatus};
 use robot_model::RobotModel;
 
 use crate::goal::{Goal, GoalStatus, wrap};
@@ -118,6 +118,7 @@ impl Drive {
         world_from_body: &Isometry3<f64>,
         velocity: Vector3<f64>,
         obstacles: &[Point2<f32>],
+        movers: &[GroundMover],
     ) -> Command {
         let at = world_from_body.translation.vector;
         let (_, _, yaw_rad) = world_from_body.rotation.euler_angles();
@@ -140,8 +141,8 @@ impl Drive {
             }
             _ => (Vec::new(), None),
         };
-        let local =
-            self.policy.command((at.x, at.y, yaw_rad), (velocity.x, velocity.y, velocity.z), &path, heading, obstacles);
+        let (pose, velocity) = ((at.x, at.y, yaw_rad), (velocity.x, velocity.y, velocity.z));
+        let local = self.policy.command(pose, velocity, &path, heading, obstacles, movers);
         self.clearance_m = local.clearance_m;
         if self.status == GoalStatus::Underway {
             match local.status {

@@ -41,6 +41,7 @@ pub mod odometer;
 pub mod odometry_run;
 pub mod openai;
 pub mod overhead;
+pub mod people;
 pub mod perspective_crop;
 pub mod posed_scans;
 pub mod px4;

@@ -93,6 +93,11 @@ impl StageClock {
         entry.samples_us.push(elapsed.as_micros().min(u128::from(u32::MAX)) as u32);
     }
 
+    /// CPU time of every call of a stage so far, microseconds.
+    pub fn samples_us(&self, stage: &str) -> &[u32] {
+        self.stages.get(stage).map_or(&[], |stage| &stage.samples_us)
+    }
+
     /// Figures of all stages.
     pub fn figures(&self) -> BTreeMap<String, StageFigures> {
         self.stages

@@ -21,6 +21,7 @@ use crate::graph_builder::{GraphBuilder, is_visible};
 use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
+use crate::people::{People, moves_by_itself};
 use crate::rooms::RoomMap;
 use crate::stage_clock::StageClock;
 use crate::stream::SensorEvent;
@@ -36,7 +37,10 @@ const OBSTACLE_RANGE_M: f64 = 3.5;
 /// One deskewed scan, kept until the images around it have been labelled.
 struct RecentScan {
     stamp: Stamp,
-    points_in_world: Vec<Point3<f32>>,
+    /// What is nobody's body.
+    still: Vec<Point3<f32>>,
+    /// What is somebody's.
+    people: Vec<Point3<f32>>,
 }
 
 /// Counts of what was not used, and why; reported, never silent.
@@ -133,6 +137,8 @@ pub struct WorldModel {
     pub floor_m: f64,
     /// Height of the body origin above the floor when it moves.
     pub body_height_m: f64,
+    /// Those who move near the robot.
+    pub people: People,
     /// What was not used.
     pub ignored: Ignored,
     /// Who shows relations to a vision model, if there is one.
@@ -198,6 +204,7 @@ impl WorldModel {
             eye: Point3::origin(),
             floor_m,
             body_height_m,
+            people: People::default(),
             ignored: Ignored::default(),
             vision: config.vision.clone().map(VisionVerifier::new).transpose()?,
             looks: None,
@@ -290,21 +297,24 @@ impl WorldModel {
         self.ignored.points += (dropped.non_finite + dropped.outside_time) as u64;
         let points = straight.points_in_world();
         let origin = straight.sensor_origin_in_world();
-        let integrated = clock.time("volume", || self.volume.integrate(&origin, &points));
+        clock.time("people", || self.people.see(straight.stamp, &origin, self.floor_m, &points, &self.field));
+        // Whoever walks is for nobody's map.
+        let (people, still) = if self.people.is_empty() { (Vec::new(), points) } else { self.people.part(points) };
+        let integrated = clock.time("volume", || self.volume.integrate(&origin, &still));
         if integrated.is_err() {
             self.ignored.updates += 1;
         }
         self.eye = origin;
         if !self.navigation.has_begun() {
-            self.see_how_near(&origin, &points);
+            self.see_how_near(&origin, &still);
         }
         if let Some(looks) = &mut self.looks {
-            looks.add(&origin, &points, self.floor_m);
+            looks.add(&origin, &still, self.floor_m);
         }
         // In the air the distance field is asked instead.
         if self.robot.kind == RobotKind::Ground {
             let here = straight.world_from_body.translation.vector;
-            let obstacles = clock.time("obstacles", || self.obstacles_of(&points, &Point2::new(here.x, here.y)));
+            let obstacles = clock.time("obstacles", || self.obstacles_of(&still, &Point2::new(here.x, here.y)));
             let oldest = Stamp(straight.stamp.0 - (self.config.obstacle_memory_s * 1e9) as i64);
             self.obstacles.push_back((straight.stamp, obstacles));
             while self.obstacles.front().is_some_and(|(stamp, _)| *stamp < oldest) {
@@ -314,7 +324,7 @@ impl WorldModel {
         let horizon = Stamp(straight.stamp.0 - 5_000_000_000);
         self.trajectory.forget_before(horizon);
         self.encoder.forget_before(horizon);
-        self.recent.push_back(RecentScan { stamp: straight.stamp, points_in_world: points });
+        self.recent.push_back(RecentScan { stamp: straight.stamp, still, people });
         let window_s = self.config.label_window_s + self.config.label_delay_s + 0.6;
         let oldest = Stamp(straight.stamp.0 - (window_s * 1e9) as i64);
         while self.recent.front().is_some_and(|scan| scan.stamp < oldest) {
@@ -408,9 +418,12 @@ impl WorldModel {
         let world_from_camera = world_from_body * self.body_from_camera;
         let window_ns = (self.config.label_window_s * 1e9) as i64;
         let around = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns;
-        let scans: Vec<&[Point3<f32>]> =
-            self.recent.iter().filter(around).map(|scan| scan.points_in_world.as_slice()).collect();
-        let points = scans.concat();
+        // A second of scans shows what stands still better than one; who walks was elsewhere in most of them, before other things.
+        const INSTANT_NS: i64 = 110_000_000;
+        let is_now = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= INSTANT_NS;
+        let still = self.recent.iter().filter(around).map(|scan| scan.still.as_slice());
+        let people = self.recent.iter().filter(is_now).map(|scan| scan.people.as_slice());
+        let points = still.chain(people).collect::<Vec<&[Point3<f32>]>>().concat();
         if points.is_empty() {
             self.ignored.images += 1;
             return None;
@@ -422,6 +435,10 @@ impl WorldModel {
         let mut evidence = Vec::with_capacity(observations.len());
         for observation in observations {
             let Some((label, _)) = observation.label_weights.first() else { continue };
+            if moves_by_itself(label) {
+                self.people.name(&observation);
+                continue;
+            }
             let next = self.label_ids.len() as u16 + 1;
             let id = *self.label_ids.entry(label.clone()).or_insert(next);
             votes.extend(observation.points_in_world.iter().map(|point| (*point, id)));
@@ -486,6 +503,8 @@ impl WorldModel {
             );
         });
         self.ignored.changes += self.builder.take_refusals();
+        let told = clock.time("people", || self.people.tell(&mut self.graph, odometry.stamp));
+        self.ignored.changes += u64::from(told.is_err());
         if let Some(vision) = &mut self.vision {
             let volume = &self.volume;
             clock.time("vision", || {

@@ -102,6 +102,9 @@ pub struct NavOptions {
     /// The people do not heed the robot
     #[arg(long, requires = "people")]
     heedless: bool,
+    /// The robot has surveyed each building before, and does not know where in it it stands
+    #[arg(long)]
+    known: bool,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -119,7 +122,8 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     config.simulation.crowd.heeds_robot = !options.heedless;
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
-    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;
+    let (keep, known) = (asked.keep.as_deref(), options.known);
+    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, known, keep, asked.quiet, &stop)?;
     if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {

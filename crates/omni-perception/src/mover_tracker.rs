@@ -268,7 +268,7 @@ impl MoverTracker {
             let key = ((at.x / CELL_M).floor() as i32, (at.y / CELL_M).floor() as i32);
             cells.push(Cell { key, count: 1, sum: at, low_m: at.z, high_m: at.z, is_loose: false });
         }
-        cells.sort_unstable_by(|a, b| a.key.cmp(&b.key));
+        cells.sort_unstable_by_key(|cell| cell.key);
         cells.dedup_by(|next, cell| {
             let is_same = next.key == cell.key;
             if is_same {

@@ -52,7 +52,7 @@ fn local_policy_cycle(bencher: Bencher) {
         cycle += 1;
         points[0].x += 1e-6;
         // To and fro, so that the policy is never stuck.
-        policy.command((0.25 * f64::from(cycle / 50 % 2), 0.02, 0.1), (0.4, 0.0, 0.0), &path, None, &points)
+        policy.command((0.25 * f64::from(cycle / 50 % 2), 0.02, 0.1), (0.4, 0.0, 0.0), &path, None, &points, &[])
     });
 }
 

@@ -66,7 +66,7 @@ fn main() {
             let graph = VisibilityGraph::build(&grid, 0.386).expect("a good grid");
             route = graph.route(&Point2::new(x, y), &goal).unwrap_or(route);
         }
-        let c = policy.command((x, y, yaw), velocity, &route.points, None, &scan);
+        let c = policy.command((x, y, yaw), velocity, &route.points, None, &scan, &[]);
         least = least.min(c.clearance_m);
         if cycle % 150 == 0 {
             println!(

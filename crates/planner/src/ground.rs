@@ -6,6 +6,7 @@
 //!     cells    --clearance, lattice--> exact distances, components: what can be reached at all
 //! start, goal  --route--> pulled into free space, Dijkstra, bends moved off the walls   (2 Hz)
 //! path, scan   --local_policy--> arcs, each with a checked stop -> velocity command     (50 Hz)
+//! movers       --traffic--> when, not only where: a stop in time, and a second at rest before anybody is met
 //! ```
 //!
 //! Where the map is a floor plan of exact polygons, [`polygon_map`] finds the shortest way of a point:
@@ -25,6 +26,7 @@ pub mod local_policy;
 pub mod policy_config;
 pub mod polygon_map;
 pub mod route;
+pub mod traffic;
 pub mod visibility;
 
 mod arcs;

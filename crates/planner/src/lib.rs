@@ -104,5 +104,6 @@ pub use ground::{
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
     polygon_map::{NoWay, PolygonError, PolygonMap, PolygonRoute},
+    traffic::GroundMover,
     visibility::{Route, VisibilityGraph},
 };

@@ -188,7 +188,7 @@ mod local {
             for (gx, gy) in goals {
                 let path = [Point2::new(pose.0, pose.1), Point2::new(gx, gy)];
                 for _ in 0..110 {
-                    let c = policy.command(pose, velocity, &path, None, &points);
+                    let c = policy.command(pose, velocity, &path, None, &points, &[]);
                     prop_assert!(c.vx.hypot(c.vy) <= speed + 1e-9 && c.vy.abs() <= lateral + 1e-9);
                     let change = (c.vx - velocity.0).hypot(c.vy - velocity.1);
                     prop_assert!(change <= accel * 0.02 + 1e-9, "acceleration {}", change / 0.02);
@@ -224,7 +224,7 @@ mod local {
                     .copied()
                     .collect();
             }
-            let c = policy.command(pose, velocity, &route.points, Some(1.0), &near);
+            let c = policy.command(pose, velocity, &route.points, Some(1.0), &near, &[]);
             pose = step(pose, &c, 0.02);
             velocity = (c.vx, c.vy, c.yaw_rate);
             if cycle % 5 == 0 {

@@ -98,7 +98,13 @@ impl LocalPolicy {
                 roll.hit_s = Some(f64::from(k) * dt_s);
                 return roll;
             }
-            roll.clearance_bound_m = roll.clearance_bound_m.min(bound);
+            let t_s = f64::from(k + 1) * dt_s;
+            if !self.traffic.is_free(&self.footprint, &next, t_s) {
+                roll.hit_s = Some(f64::from(k) * dt_s);
+                return roll;
+            }
+            let apart_m = self.traffic.clearance_m(&self.footprint, &next, t_s);
+            roll.clearance_bound_m = roll.clearance_bound_m.min(bound).min(apart_m);
             roll.end = next;
         }
         roll

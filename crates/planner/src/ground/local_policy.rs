@@ -8,10 +8,11 @@
 use nalgebra::{Point2, Vector2};
 
 use super::footprint::Footprint;
-use super::motion::{Ramp, Twist, can_stop};
+use super::motion::{Free, Ramp, Twist, can_stop};
 use super::obstacles::{ObstacleField, Pose};
 use super::path::Path;
 use super::policy_config::{LocalPolicyConfig, LocalPolicyError};
+use super::traffic::{GroundMover, Traffic};
 
 /// What the policy is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +60,7 @@ pub struct LocalPolicy {
     pub(super) config: LocalPolicyConfig,
     pub(super) footprint: Footprint,
     pub(super) field: ObstacleField,
+    pub(super) traffic: Traffic,
     pub(super) ramp: Ramp,
     mode: Mode,
     pub(super) last: Twist,
@@ -88,6 +90,7 @@ impl LocalPolicy {
             config,
             footprint,
             field: ObstacleField::default(),
+            traffic: Traffic::default(),
             ramp,
             mode: Mode::Follow,
             last: Twist::default(),
@@ -99,7 +102,7 @@ impl LocalPolicy {
 
     /// One cycle. `pose` is (x, y, yaw) in the world, `velocity` is (vx, vy, yaw rate) in the body frame as measured,
     /// `path` is in the world and ends at the goal; an empty path means stay. Obstacle points that are not finite are
-    /// skipped; a pose or path that is not finite brakes with [`LocalStatus::Blocked`].
+    /// skipped; a pose or path that is not finite brakes with [`LocalStatus::Blocked`]. `movers` are where they are now.
     pub fn command(
         &mut self,
         pose: (f64, f64, f64),
@@ -107,6 +110,7 @@ impl LocalPolicy {
         path: &[Point2<f64>],
         final_heading: Option<f64>,
         obstacles_in_world: &[Point2<f32>],
+        movers: &[GroundMover],
     ) -> LocalCommand {
         let numbers = [pose.0, pose.1, pose.2, velocity.0, velocity.1, velocity.2, final_heading.unwrap_or(0.0)];
         if numbers.iter().any(|v| !v.is_finite()) {
@@ -114,7 +118,7 @@ impl LocalPolicy {
         }
         let pose = Pose { x: pose.0, y: pose.1, yaw: pose.2 };
         let now = self.velocity_now(&Twist { vx: velocity.0, vy: velocity.1, w: velocity.2 });
-        let clearance_m = self.look(&pose, &now, obstacles_in_world);
+        let clearance_m = self.look(&pose, &now, obstacles_in_world, movers);
         let (target, status) = if path.is_empty() {
             (self.align(&pose, &now, final_heading), LocalStatus::Arrived)
         } else if let Some(path) = Path::new(path) {
@@ -139,12 +143,13 @@ impl LocalPolicy {
         lag.toward(measured, &self.last, 1.0)
     }
 
-    fn look(&mut self, pose: &Pose, now: &Twist, points: &[Point2<f32>]) -> f64 {
+    fn look(&mut self, pose: &Pose, now: &Twist, points: &[Point2<f32>], movers: &[GroundMover]) -> f64 {
         let c = &self.config;
         let speed = c.max_speed_mps.max(now.vx.hypot(now.vy));
         let stop_m = 0.5 * speed * speed / c.max_accel_mps2 + speed * c.period_s;
         let reach_m = stop_m.max(speed * c.horizon_s) + self.footprint.circumscribed_radius_m + c.slow_clearance_m;
         self.field.update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
+        self.traffic.watch(movers, &self.footprint, pose, c.margin_m, reach_m, c.horizon_s);
         self.field.set_required(&self.footprint, pose, c.margin_m, c.slow_clearance_m.max(0.5))
     }
 
@@ -325,7 +330,9 @@ impl LocalPolicy {
         let c = &self.config;
         for target in wanted {
             let first = self.ramp.toward(now, target, c.period_s);
-            if can_stop(&self.field, &self.footprint, c.margin_m, &self.ramp, c.period_s, pose, &first) {
+            let free =
+                Free { field: &self.field, traffic: &self.traffic, footprint: &self.footprint, margin_m: c.margin_m };
+            if can_stop(&free, &self.ramp, c.period_s, pose, &first) {
                 return first;
             }
         }

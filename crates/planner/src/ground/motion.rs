@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 
 use super::footprint::Footprint;
 use super::obstacles::{ObstacleField, Pose};
+use super::traffic::{PASSING_S, Traffic};
 
 /// A measured velocity that takes longer to brake than this many periods is not believed to be safe.
 const MAX_BRAKE_STEPS: usize = 2000;
@@ -55,22 +56,35 @@ pub(crate) fn advance(pose: &Pose, twist: &Twist, dt_s: f64) -> Pose {
     }
 }
 
+/// What a motion is tested against.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Free<'a> {
+    pub field: &'a ObstacleField,
+    pub traffic: &'a Traffic,
+    pub footprint: &'a Footprint,
+    pub margin_m: f64,
+}
+
+/// Whether a robot at rest from `from_s` on is left alone until it has stood for [`PASSING_S`].
+fn passes(free: &Free, pose: &Pose, from_s: f64, period_s: f64) -> bool {
+    let steps = (PASSING_S / period_s).ceil() as usize;
+    free.traffic.is_empty()
+        || (0..=steps).all(|k| free.traffic.is_free(free.footprint, pose, from_s + k as f64 * period_s))
+}
+
 /// Whether driving `first` for one period and then braking to rest touches nothing: the invariant of the policy.
 /// The footprint is tested every `margin_m` of motion of its furthest corner (between two tests it cannot come
 /// nearer to a point than half of that).
-pub(crate) fn can_stop(
-    field: &ObstacleField,
-    footprint: &Footprint,
-    margin_m: f64,
-    ramp: &Ramp,
-    period_s: f64,
-    start: &Pose,
-    first: &Twist,
-) -> bool {
+///
+/// Movers are tested at every period, and until [`PASSING_S`] after the robot has come to rest: who stands still from the first step on
+/// has nothing to prove, since there is nothing better to do.
+pub(crate) fn can_stop(free: &Free, ramp: &Ramp, period_s: f64, start: &Pose, first: &Twist) -> bool {
+    let Free { field, traffic, footprint, margin_m } = *free;
     let (mut pose, mut twist) = (*start, *first);
+    let stands = first.is_zero();
     let spacing = margin_m.clamp(0.01, 0.04);
     let mut since_test = 0.0;
-    for _ in 0..MAX_BRAKE_STEPS {
+    for step in 1..=MAX_BRAKE_STEPS {
         pose = advance(&pose, &twist, period_s);
         since_test += (twist.vx.hypot(twist.vy) + twist.w.abs() * footprint.circumscribed_radius_m) * period_s;
         twist = ramp.toward(&twist, &Twist::default(), period_s);
@@ -81,8 +95,12 @@ pub(crate) fn can_stop(
                 return false;
             }
         }
+        let t_s = step as f64 * period_s;
+        if !stands && !traffic.is_free(footprint, &pose, t_s) {
+            return false;
+        }
         if resting {
-            return true;
+            return stands || passes(free, &pose, t_s, period_s);
         }
     }
     false
