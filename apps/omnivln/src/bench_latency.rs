@@ -266,6 +266,7 @@ fn page(flat: &[Decision], ours: &[Decision], model: &str) -> String {
         decimals: 3,
         unit: "ms",
         drawn: vec![0, 2],
+        rest: String::new(),
     }
     .html()
 }
