@@ -271,7 +271,7 @@ mod local {
         let (mut pose, mut velocity) = ((2.0, 3.0, 0.0), (0.0, 0.0, 0.0));
         let mut seen = Vec::new();
         for _ in 0..1500 {
-            let c = policy.command(pose, velocity, &[Point2::new(2.0, 3.0), Point2::new(5.5, 3.0)], None, &points);
+            let c = policy.command(pose, velocity, &[Point2::new(2.0, 3.0), Point2::new(5.5, 3.0)], None, &points, &[]);
             pose = step(pose, &c, 0.02);
             velocity = (c.vx, c.vy, c.yaw_rate);
             if seen.last() != Some(&c.status) {
@@ -287,9 +287,9 @@ mod local {
         let mut policy = LocalPolicy::new(LocalPolicyConfig::default()).unwrap();
         let path = [Point2::new(3.0, 0.0)];
         for _ in 0..50 {
-            policy.command((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[Point2::new(f32::NAN, 0.0)]);
+            policy.command((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[Point2::new(f32::NAN, 0.0)], &[]);
         }
-        let c = policy.command((f64::NAN, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[]);
+        let c = policy.command((f64::NAN, 0.0, 0.0), (0.3, 0.0, 0.0), &path, None, &[], &[]);
         assert_eq!(c.status, LocalStatus::Blocked);
         assert!(LocalPolicy::new(LocalPolicyConfig { max_accel_mps2: 0.0, ..LocalPolicyConfig::default() }).is_err());
         assert!(LocalPolicy::new(LocalPolicyConfig { footprint: vec![], ..LocalPolicyConfig::default() }).is_err());
