@@ -29,6 +29,9 @@ pub const TRACKING_MARGIN_M: f64 = 0.05;
 const READY: Duration = Duration::from_secs(10);
 /// It comes down from flight height within this, slowly.
 const LANDING: Duration = Duration::from_secs(60);
+/// Odometry and autopilot may put the body so far apart before nobody knows what its set-points mean (m): more than an estimator smooths or a
+/// report is late by, less than a flight keeps from walls.
+const MOST_APART_M: f64 = 0.3;
 /// Limits of the streamed set-points over those of the planner, so that a late set-point can be caught up with.
 const HEADROOM: f64 = 1.3;
 
@@ -111,6 +114,15 @@ impl Vehicle for Px4Vehicle {
             self.link.obey(self.time.link_ns(stamp), point, odometry);
             if point.is_armed && *self.resets.get_or_insert(mission.odometry_resets()) != mission.odometry_resets() {
                 bail!("the robot's own odometry lost its way and began anew, so its set-points mean other places");
+            }
+            if point.is_armed
+                && let Some(odometry) = odometry
+                && let Some(apart_m) = self.link.disagreement_m(self.time.link_ns(odometry.stamp), odometry)
+                && apart_m > MOST_APART_M
+            {
+                bail!(
+                    "the robot's own odometry and the autopilot put it {apart_m:.2} m apart, so its set-points may mean other places"
+                );
             }
             if point.is_armed
                 && let Some(behind_s) = self.time.hopelessly_behind_s()

@@ -135,8 +135,8 @@ fn a_server_that_chooses_well_from_the_schema_is_used_without_fallback() {
         let frontier = targets.iter().find(|name| name.starts_with("frontier"));
         let octant = targets.iter().find(|name| name.starts_with("front-"));
         let reply = match (frontier, octant) {
-            (Some(frontier), _) => json!({"room": "unknown", "action": "explore", "target": frontier}),
-            (None, Some(octant)) => json!({"action": "turn_to", "target": octant}),
+            (Some(frontier), _) => json!({"room": "unknown", "target": frontier, "stop": false}),
+            (None, Some(octant)) => json!({"target": octant, "stop": false}),
             _ => json!({}),
         };
         Answer::Say(reply.to_string())

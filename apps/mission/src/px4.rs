@@ -211,6 +211,14 @@ impl Px4Link {
         let _ = session.follow(stamp_ns, &reference);
     }
 
+    /// How far apart odometry and autopilot put the body at `stamp_ns`, m; `None` before the flight, where their frames are not yet tied
+    /// together, or where nothing is known of that time.
+    pub fn disagreement_m(&self, stamp_ns: i64, estimate: &OdometryEstimate) -> Option<f64> {
+        let believed = self.local_from_odometry? * estimate.world_from_body;
+        let told = self.pose_at(stamp_ns)?.world_from_body;
+        Some((believed.translation.vector - told.translation.vector).norm())
+    }
+
     /// The robot's own odometry for the autopilot's estimator; nothing while it is lost. `resets` counts its jumps.
     pub fn tell_odometry(&self, stamp_ns: i64, estimate: &OdometryEstimate, resets: u64) {
         if estimate.status == TrackingStatus::Lost {

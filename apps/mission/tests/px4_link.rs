@@ -125,6 +125,12 @@ fn from_take_off_to_landing_over_a_socket() {
         assert!(model.odometry > 100 && model.set_points.len() > 200);
     }
     let there = link.pose_at(link.now_ns()).unwrap();
+    // An odometry that believes it stands at its start is off by all of that way; one that knows the place is not.
+    let apart_m = |place: [f64; 3]| {
+        let estimate = OdometryEstimate::at_rest(Stamp(0), Isometry3::translation(place[0], place[1], place[2]));
+        link.disagreement_m(link.now_ns(), &estimate).unwrap()
+    };
+    assert!(apart_m([2.0, 1.0, 1.2]) < 0.1 && (apart_m([0.0, 0.0, 0.2]) - 6.0f64.sqrt()).abs() < 0.1);
     assert!((there.world_from_body.translation.vector - Vector3::new(-1.0, 2.0, 1.0)).norm() < 0.1);
     link.obey(link.now_ns(), &point([0.0, 0.0, 0.2], false), Some(&standing()));
     link.land(Duration::from_secs(20)).unwrap();

@@ -57,10 +57,10 @@ enum Format {
 struct Decision {
     build_us: f64,
     tokens: usize,
-    network_ms: f64,
+    /// These three of the first answer, if it came in time.
+    network_ms: Option<f64>,
     first_token_ms: Option<f64>,
-    /// Of the first answer.
-    answer_ms: f64,
+    answer_ms: Option<f64>,
     /// Everything, with all repetitions.
     decision_ms: f64,
     retries: usize,
@@ -130,9 +130,9 @@ fn decide(graph: &SceneGraph, class: &str, format: Format, chat_config: &ChatCon
             };
             if attempt == 0 {
                 let TimedReply { network_s, first_token_s, answer_s, .. } = reply;
-                decision.network_ms = 1e3 * network_s;
+                decision.network_ms = Some(1e3 * network_s);
                 decision.first_token_ms = first_token_s.map(|seconds| 1e3 * seconds);
-                decision.answer_ms = 1e3 * answer_s;
+                decision.answer_ms = Some(1e3 * answer_s);
             }
             match asked.judged(&reply.text, situation) {
                 Ok(action) => {
@@ -213,9 +213,9 @@ fn stages(decisions: &[Decision]) -> [Stage; 6] {
     let each = |of: fn(&Decision) -> f64| decisions.iter().map(of).collect::<Vec<f64>>();
     [
         ("build", "us", each(|decision| decision.build_us)),
-        ("network", "ms", each(|decision| decision.network_ms)),
+        ("network", "ms", decisions.iter().filter_map(|decision| decision.network_ms).collect()),
         ("first_token", "ms", decisions.iter().filter_map(|decision| decision.first_token_ms).collect()),
-        ("answer", "ms", each(|decision| decision.answer_ms)),
+        ("answer", "ms", decisions.iter().filter_map(|decision| decision.answer_ms).collect()),
         ("retries", "", each(|decision| decision.retries as f64)),
         ("decision", "ms", each(|decision| decision.decision_ms)),
     ]
@@ -266,6 +266,7 @@ fn page(flat: &[Decision], ours: &[Decision], model: &str) -> String {
         decimals: 3,
         unit: "ms",
         drawn: vec![0, 2],
+        rest: String::new(),
     }
     .html()
 }

@@ -42,25 +42,32 @@ pub struct Page<'a> {
     pub unit: &'a str,
     /// Rows that are drawn, by position.
     pub drawn: Vec<usize>,
+    /// What follows the chart: HTML.
+    pub rest: String,
+}
+
+/// A table: heads of the columns, and name and cells of each row with this many decimals.
+pub fn table(columns: &[String], rows: &[(String, Vec<Option<f64>>)], decimals: usize) -> String {
+    let cell = |value: &Option<f64>| value.map_or_else(String::new, |value| format!("{value:.decimals$}"));
+    let mut table = String::from("<table><tr>");
+    for column in columns {
+        table.push_str(&format!("<th>{}</th>", escape(column)));
+    }
+    table.push_str("</tr>");
+    for (name, cells) in rows {
+        table.push_str(&format!("<tr><td>{}</td>", escape(name)));
+        for value in cells {
+            table.push_str(&format!("<td>{}</td>", cell(value)));
+        }
+        table.push_str("</tr>");
+    }
+    table.push_str("</table>");
+    table
 }
 
 impl Page<'_> {
     /// The HTML text.
     pub fn html(&self) -> String {
-        let cell = |value: &Option<f64>| value.map_or_else(String::new, |value| format!("{value:.*}", self.decimals));
-        let mut table = String::from("<table><tr>");
-        for column in &self.columns {
-            table.push_str(&format!("<th>{}</th>", escape(column)));
-        }
-        table.push_str("</tr>");
-        for (name, cells) in &self.rows {
-            table.push_str(&format!("<tr><td>{}</td>", escape(name)));
-            for value in cells {
-                table.push_str(&format!("<td>{}</td>", cell(value)));
-            }
-            table.push_str("</tr>");
-        }
-        table.push_str("</table>");
         let groups: Vec<&str> = self.columns.iter().skip(1).map(String::as_str).collect();
         let series: Vec<(&str, Vec<f64>)> = self
             .drawn
@@ -73,9 +80,11 @@ impl Page<'_> {
              <title>{title}</title><style>body{{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:0 auto;padding:1.2rem}}\
              table{{border-collapse:collapse}}td,th{{border-bottom:1px solid #ddd;padding:.25rem .6rem;text-align:right}}\
              td:first-child,th:first-child{{text-align:left}}svg{{max-width:100%}}</style></head><body><h1>{title}</h1><p>{note}</p>\
-             {table}{chart}</body></html>\n",
+             {table}{chart}{rest}</body></html>\n",
             title = escape(self.title),
             note = escape(self.note),
+            table = table(&self.columns, &self.rows, self.decimals),
+            rest = self.rest,
             chart = bars(self.title, self.unit, &groups, &series),
         )
     }
@@ -95,8 +104,15 @@ mod tests {
             decimals: 1,
             unit: "tokens",
             drawn: vec![0, 1],
+            rest: "<p>more</p>".into(),
         };
         let html = page.html();
-        assert!(html.contains("<td>2.0</td>") && html.contains("<svg") && !html.contains("t<b>"), "{html}");
+        assert!(
+            html.contains("<td>2.0</td>")
+                && html.contains("<svg")
+                && html.contains("<p>more</p>")
+                && !html.contains("t<b>"),
+            "{html}"
+        );
     }
 }

@@ -287,6 +287,7 @@ fn page(options: &RegOptions, tally: &Tally, models: &[(&'static str, Tally)]) -
         rows,
         decimals: 2,
         unit: "%",
+        rest: String::new(),
     }
     .html()
 }

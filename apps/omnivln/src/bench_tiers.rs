@@ -99,6 +99,7 @@ pub fn run(options: &TiersOptions) -> Result<ExitCode> {
             decimals: 1,
             unit: "%",
             drawn: vec![0, 1, 2, 3],
+            rest: String::new(),
         }
         .html()
     })?;

@@ -70,5 +70,5 @@ fn said_about(prompt: &str) -> String {
     // Without the tool for the length of a way, the first of several rooms has to do: rooms are listed by distance.
     let action = read_ours(prompt, |_| Some(0.0)).unwrap_or_default();
     let (verb, target) = action.trim_end_matches(')').split_once('(').unwrap_or(("", ""));
-    json!({"object": target, "action": verb, "target": target}).to_string()
+    json!({"object": target, "target": target, "stop": verb == "stop"}).to_string()
 }

@@ -28,6 +28,7 @@ pub fn page(sets: &Value) -> String {
         decimals: 2,
         unit: "%",
         drawn,
+        rest: String::new(),
     }
     .html()
 }

@@ -9,10 +9,10 @@ use arena::mission::dsg::{Aabb, ObjectId};
 use arena::mission::octant_prompt::claim::{Claim, Group};
 use arena::mission::octant_prompt::clause_truth::{Surroundings, singles_out};
 use arena::mission::octant_prompt::describe::{Description, things_in, understood};
-use arena::mission::octant_prompt::grounding::{RoomFacts, Scene, Thing};
+use arena::mission::octant_prompt::grounding::{GroupFacts, RoomFacts, Scene, Thing};
 use arena::mission::octant_prompt::text_truth::is_true_of_one_alone;
 use arena::mission::octant_prompt::vocabulary::{material, normalise};
-use arena::omni_sim::building::{Bounds, Building};
+use arena::omni_sim::building::{Bounds, Building, ObjectTruth};
 
 /// A laboratory: what is known, what is true, and who is whom.
 pub struct Lab {
@@ -137,7 +137,23 @@ fn true_scene(building: &Building) -> Scene {
             floor: room.storey as i32,
         });
     }
-    for object in &building.objects {
+    // A functional group is a thing with all that was placed with it or stands on it, and is called after that thing.
+    let by_id: BTreeMap<u32, &ObjectTruth> = building.objects.iter().map(|object| (object.id, object)).collect();
+    let support_of = |object: &ObjectTruth| {
+        let next = |object: &&ObjectTruth| by_id.get(&object.placed_with.or(object.supported_by)?).copied();
+        // Longer chains than there are things would be circles.
+        let chain = std::iter::successors(Some(object), next).take(building.objects.len());
+        chain.last().map_or(object.id, |last| last.id)
+    };
+    let supports: Vec<u32> = building.objects.iter().map(support_of).collect();
+    let mut group_of: BTreeMap<u32, usize> = BTreeMap::new();
+    for (object, support) in building.objects.iter().zip(&supports) {
+        if object.id != *support && !group_of.contains_key(support) {
+            group_of.insert(*support, scene.groups.len());
+            scene.groups.push(GroupFacts { support: Some(ObjectId((*support).into())) });
+        }
+    }
+    for (object, support) in building.objects.iter().zip(&supports) {
         let class = scene.intern(&object.class);
         scene.things.push(Thing {
             id: ObjectId(object.id.into()),
@@ -147,6 +163,8 @@ fn true_scene(building: &Building) -> Scene {
             words: normalise(&format!("{} {}", object.color, object.material)),
             color_name: Some(normalise(&object.color)),
             material: normalise(&object.material).split(' ').find_map(material).map(str::to_owned),
+            function: Some(normalise(&object.function)),
+            group: group_of.get(support).copied(),
             room: Some(object.room as usize),
             front: None,
             oriented: None,

@@ -102,7 +102,8 @@ fn tokens_are_within_what_was_promised() {
     let dump = folder.path().join("dump").to_str().expect("UTF-8").to_string();
     // The promises are about the exact counter; without its file the estimate stands in, which is off by up to an eighth.
     let tokenizer = std::env::var("QWEN_TOKENIZER_JSON").ok();
-    let mut arguments = vec!["bench", "tokens", "--seeds", "2", "--dump", &dump, "--json"];
+    let page = folder.path().join("page.html").to_str().expect("UTF-8").to_string();
+    let mut arguments = vec!["bench", "tokens", "--seeds", "2", "--dump", &dump, "--html", &page, "--json"];
     if let Some(path) = &tokenizer {
         arguments.extend(["--tokenizer", path]);
     }
@@ -125,6 +126,8 @@ fn tokens_are_within_what_was_promised() {
     assert!(growth.iter().any(|row| row["objects"].as_u64() >= Some(40_000)));
     assert!(report["growth_r2"].as_f64() >= Some(least_r2), "{}", report["growth_r2"]);
     assert!(std::fs::read_dir(&dump).expect("a folder").count() > 100);
+    let page = std::fs::read_to_string(&page).expect("written");
+    assert!(page.matches("<svg").count() == 2 && page.contains("<td>40960</td>"), "table and chart of the growth");
     let (code, _, err) = omnivln(&["bench", "tokens", "--tokenizer", "/nowhere.json"]);
     assert!(code == Some(2) && err.contains("/nowhere.json"), "{err}");
 }

@@ -41,7 +41,8 @@ const MATERIALS: &[(&str, &str)] = &[
 ];
 
 /// Phrases after which a caption says what a thing is for.
-const PURPOSES: &[&str] = &["used for ", "used to ", "meant for ", "intended for ", "suitable for ", "for "];
+const PURPOSES: &[&str] =
+    &["used for ", "used to ", "meant for ", "intended for ", "suitable for ", "its purpose is ", "for "];
 
 /// What the caption says in words, and the name of the measured colour where the caption names none.
 pub fn attributes_of(caption: &str, color: Option<[u8; 3]>) -> BTreeMap<String, String> {
@@ -49,18 +50,32 @@ pub fn attributes_of(caption: &str, color: Option<[u8; 3]>) -> BTreeMap<String, 
     let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     let said = words.iter().find_map(|word| COLORS.iter().find(|color| *color == word));
     let named = said.map(|word| if *word == "gray" { "grey" } else { word }).or(color.map(color_name));
-    let material = words.iter().find_map(|word| MATERIALS.iter().find(|(said, _)| said == word));
+    let material = material_of(&lower);
     let mut attributes = BTreeMap::new();
     if let Some(color) = named {
         attributes.insert("color".to_owned(), color.to_owned());
     }
-    if let Some((_, material)) = material {
-        attributes.insert("material".to_owned(), (*material).to_owned());
+    if let Some(material) = material {
+        attributes.insert("material".to_owned(), material.to_owned());
     }
     if let Some(function) = function_of(&lower) {
         attributes.insert("function".to_owned(), function);
     }
     attributes
+}
+
+/// What the thing itself is made of: named before its surroundings are, or after "made of" or "surface is".
+fn material_of(lower: &str) -> Option<&'static str> {
+    /// Words after which a caption speaks of something else.
+    const ELSEWHERE: [&str; 9] = ["on", "in", "near", "next", "beside", "with", "under", "above", "there"];
+    let name = |word: &str| MATERIALS.iter().find(|(said, _)| *said == word).map(|(_, name)| *name);
+    let is_word = |c: char| c.is_alphanumeric();
+    let words = |text: &'static str| lower.split_once(text).map(|(_, rest)| rest.split(|c| !is_word(c)));
+    let own = lower.split(['.', ',', ';']).next().unwrap_or("").split(|c| !is_word(c));
+    own.take_while(|word| !ELSEWHERE.contains(word)).find_map(name).or_else(|| {
+        let after = ["made of ", "surface is "].into_iter().filter_map(words);
+        after.into_iter().find_map(|mut words| words.find(|word| !word.is_empty()).and_then(name))
+    })
 }
 
 fn function_of(lower: &str) -> Option<String> {
@@ -139,6 +154,16 @@ mod tests {
         assert_eq!(found["color"], "red");
         assert_eq!(found["material"], "ceramic");
         assert_eq!(found["function"], "drinking coffee");
+        let window = attributes_of(
+            "A white window on the wall. It is next to a brown paper stack. Its purpose is letting in light.",
+            None,
+        );
+        assert!(!window.contains_key("material"), "the stack is of paper: {window:?}");
+        assert_eq!(window["function"], "letting in light");
+        assert_eq!(
+            attributes_of("the picture shows a desk, on the floor. The surface is wood and looks clean.", None)["material"],
+            "wood"
+        );
         assert_eq!(attributes_of("", Some([30, 60, 200]))["color"], "blue");
         assert!(attributes_of("", None).is_empty());
     }

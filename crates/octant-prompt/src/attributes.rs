@@ -1,4 +1,4 @@
-//! Colours, materials and other words of one thing against those of an expression.
+//! Colours, materials, purposes and other words of one thing against those of an expression.
 
 use crate::instruction::AttributeKind;
 use crate::scene::Thing;
@@ -23,6 +23,7 @@ pub(crate) fn attribute_score(kind: AttributeKind, word: &str, negated: bool, th
                 }
             }
         }
+        AttributeKind::Function => function_score(word, thing),
         AttributeKind::Size(_) => return 1.0, // among the candidates, see `extremes`
         AttributeKind::Other => {
             let said =
@@ -31,6 +32,25 @@ pub(crate) fn attribute_score(kind: AttributeKind, word: &str, negated: bool, th
         }
     };
     if negated { 1.02 - score.max(0.02) } else { score }
+}
+
+/// The share of the said words that are in the known purpose; where none is known, in what else is said about the thing.
+fn function_score(said: &str, thing: &Thing) -> f64 {
+    const UNKNOWN: f64 = 0.5;
+    const EMPTY_WORDS: [&str; 12] = ["a", "an", "the", "of", "at", "in", "on", "and", "for", "to", "with", "from"];
+    let words = said.split(' ').filter(|word| !EMPTY_WORDS.contains(word));
+    let known = thing.function.as_deref().unwrap_or(&thing.words);
+    let (mut all, mut found) = (0.0_f64, 0.0);
+    for word in words {
+        all += 1.0;
+        found += f64::from(u8::from(known.split(' ').any(|other| other == word)));
+    }
+    let share = if all > 0.0 { found / all } else { 0.0 };
+    match thing.function {
+        Some(_) => 0.2 + 0.77 * share,
+        None if all > 0.0 && share == 1.0 => 0.9,
+        None => UNKNOWN,
+    }
 }
 
 /// Colour by name where a name is known, else by the mean colour; both where both are known.

@@ -6,6 +6,10 @@
 pub enum Claim {
     Color(&'static str),
     Material(String),
+    /// What it is for: "sitting at a desk".
+    Function(String),
+    /// In the functional group round this thing.
+    InGroup(usize),
     On(usize),
     In(usize),
     Under(usize),
@@ -60,16 +64,17 @@ impl Claim {
     pub fn anchors(&self) -> Vec<usize> {
         match *self {
             Claim::On(a) | Claim::In(a) | Claim::Under(a) | Claim::LeftOf(a) | Claim::RightOf(a) => vec![a],
-            Claim::InFrontOf(a) | Claim::Behind(a) => vec![a],
+            Claim::InFrontOf(a) | Claim::Behind(a) | Claim::InGroup(a) => vec![a],
             Claim::Nth(_, Order::ClosestTo(a) | Order::FarthestFrom(a)) => vec![a],
             Claim::Between(a, b) => vec![a, b],
-            Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) => Vec::new(),
+            Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) | Claim::Function(_) => Vec::new(),
         }
     }
 
     /// The same claim about other indices; None if one has no counterpart.
     pub fn with_anchors(&self, counterpart: &dyn Fn(usize) -> Option<usize>) -> Option<Claim> {
         Some(match self {
+            Claim::InGroup(a) => Claim::InGroup(counterpart(*a)?),
             Claim::On(a) => Claim::On(counterpart(*a)?),
             Claim::In(a) => Claim::In(counterpart(*a)?),
             Claim::Under(a) => Claim::Under(counterpart(*a)?),
@@ -80,7 +85,7 @@ impl Claim {
             Claim::Between(a, b) => Claim::Between(counterpart(*a)?, counterpart(*b)?),
             Claim::Nth(n, Order::ClosestTo(a)) => Claim::Nth(*n, Order::ClosestTo(counterpart(*a)?)),
             Claim::Nth(n, Order::FarthestFrom(a)) => Claim::Nth(*n, Order::FarthestFrom(counterpart(*a)?)),
-            Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) => self.clone(),
+            Claim::Nth(..) | Claim::Color(_) | Claim::Material(_) | Claim::Function(_) => self.clone(),
         })
     }
 
@@ -91,6 +96,17 @@ impl Claim {
         match self {
             Claim::Color(word) => before(word),
             Claim::Material(word) => before(if word == "wood" { "wooden" } else { word }),
+            Claim::Function(phrase) => after(format!("used for {phrase}")),
+            Claim::InGroup(a) => {
+                let support = name(*a);
+                // A support that needs more words than its own noun comes last: "in the group of the desk closest to the door".
+                let is_plain = !support.contains(" the ");
+                after(if is_plain {
+                    format!("in the {support} group")
+                } else {
+                    format!("in the group of the {support}")
+                })
+            }
             Claim::On(a) => after(format!("on the {}", name(*a))),
             Claim::In(a) => after(format!("in the {}", name(*a))),
             Claim::Under(a) => after(format!("under the {}", name(*a))),
@@ -124,7 +140,10 @@ impl Claim {
 
 /// `red chair left of the desk and closest to the door`: a noun with claims around it, without an article.
 pub fn noun_phrase(noun: &str, claims: &[Claim], name: &dyn Fn(usize) -> String) -> String {
-    let parts: Vec<(String, String)> = claims.iter().map(|claim| claim.around(name)).collect();
+    // What a thing is for is said last: a purpose may hold any words.
+    let (last, first): (Vec<&Claim>, Vec<&Claim>) =
+        claims.iter().partition(|claim| matches!(claim, Claim::Function(_)));
+    let parts: Vec<(String, String)> = first.into_iter().chain(last).map(|claim| claim.around(name)).collect();
     let mut words: Vec<&str> =
         parts.iter().map(|(before, _)| before.as_str()).filter(|part| !part.is_empty()).collect();
     words.push(noun);
@@ -166,6 +185,14 @@ mod tests {
         let phrase = |claims: &[Claim]| noun_phrase("chair", claims, &name);
         assert_eq!(phrase(&[]), "chair");
         assert_eq!(phrase(&[Claim::Color("red"), Claim::LeftOf(0)]), "red chair left of the desk");
+        assert_eq!(phrase(&[Claim::InGroup(0)]), "chair in the desk group");
+        let of_described = |_: usize| "desk closest to the door".to_string();
+        assert_eq!(
+            noun_phrase("chair", &[Claim::InGroup(0)], &of_described),
+            "chair in the group of the desk closest to the door"
+        );
+        let use_first = [Claim::Function("sitting at a desk".into()), Claim::On(1)];
+        assert_eq!(phrase(&use_first), "chair on the door and used for sitting at a desk");
         let two = [Claim::On(0), Claim::Nth(1, Order::ClosestTo(1))];
         assert_eq!(phrase(&two), "chair on the desk and closest to the door");
         assert_eq!(phrase(&[Claim::Nth(3, Order::FromLeft)]), "third chair from the left");

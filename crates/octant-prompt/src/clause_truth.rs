@@ -2,12 +2,12 @@
 //! grounder. Where the boxes were measured ([`Scene::box_error_m`]), only what their error cannot turn round is true.
 
 use dsg::Aabb;
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::claim::{Claim, Group, Order};
 use crate::color_truth::is_called;
 use crate::refer_set::middle_of;
-use crate::scene::Scene;
+use crate::scene::{Scene, Thing};
 
 /// The things among which a description must be true of one alone, and where its viewer stands.
 #[derive(Debug, Clone)]
@@ -18,7 +18,12 @@ pub struct Surroundings<'a> {
     pub things: Vec<usize>,
     /// The middle of these things, at eye height.
     pub eye: Point3<f64>,
+    /// How far from there the viewer may stand, metres: [`EYE_ERROR_M`] where the boxes were measured, else zero.
+    pub eye_error_m: f64,
 }
+
+/// How far the middle of a room is from where a robot takes it to be that has not seen all of it, metres.
+pub const EYE_ERROR_M: f64 = 0.5;
 
 impl<'a> Surroundings<'a> {
     /// Everything.
@@ -29,18 +34,65 @@ impl<'a> Surroundings<'a> {
     /// These things of the scene.
     pub fn of(scene: &'a Scene, things: Vec<usize>) -> Surroundings<'a> {
         let eye = middle_of(scene, things.iter().copied());
-        Surroundings { scene, things, eye }
+        let eye_error_m = if scene.box_error_m > 0.0 { EYE_ERROR_M } else { 0.0 };
+        Surroundings { scene, things, eye, eye_error_m }
     }
 
-    /// The things with the same label as the one at `index`, without it.
+    /// The things with the same label as the one at `index`, without it; and those that may bear it, by their votes.
     pub fn twins(&self, index: usize) -> Vec<usize> {
+        let may_be = |other: &usize| *other != index && may_be_called(self.scene, *other, self.scene.label(index));
+        self.things.iter().copied().filter(may_be).collect()
+    }
+
+    /// Whether nobody can say how many things of the label there are.
+    fn has_doubtful_twins(&self, index: usize) -> bool {
         let label = self.scene.label(index);
-        self.things.iter().copied().filter(|other| *other != index && self.scene.label(*other) == label).collect()
+        self.twins(index).iter().any(|other| self.scene.label(*other) != label)
+    }
+
+    /// Where the viewer may stand.
+    fn eyes(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
+        const AROUND: [(f64, f64); 5] = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+        let count = if self.eye_error_m > 0.0 { AROUND.len() } else { 1 };
+        AROUND[..count].iter().map(|(x, y)| self.eye + self.eye_error_m * Vector3::new(*x, *y, 0.0))
     }
 
     fn bounds(&self, index: usize) -> &'a Aabb {
         &self.scene.things[index].bounds
     }
+}
+
+/// Votes for another label, relative to the winner's, above which a thing may be called by it.
+const DOUBTFUL_VOTES: f64 = 0.3;
+
+fn may_be_called(scene: &Scene, index: usize, label: &str) -> bool {
+    let classes = &scene.things[index].classes;
+    let bears =
+        |(class, weight): &(u32, f64)| *weight >= DOUBTFUL_VOTES && scene.classes[*class as usize].text == label;
+    classes.iter().any(bears)
+}
+
+/// Whether a thing is fit to say where another one is, or to tell a room by: nothing else was voted for nearly as often, and no other thing
+/// takes up its place, as doubles do in a map.
+pub(crate) fn is_sure(scene: &Scene, index: usize) -> bool {
+    /// Common share of two boxes that are one thing twice.
+    const DOUBLE: f64 = 0.4;
+    let thing = &scene.things[index];
+    if thing.classes.iter().skip(1).any(|(_, weight)| *weight >= DOUBTFUL_VOTES) {
+        return false;
+    }
+    let is_double = |other: &Thing| {
+        let common: f64 = (0..3)
+            .map(|k| {
+                let common_m =
+                    other.bounds.max[k].min(thing.bounds.max[k]) - other.bounds.min[k].max(thing.bounds.min[k]);
+                common_m.max(0.0)
+            })
+            .product();
+        let both = thing.bounds.volume_m3() + other.bounds.volume_m3() - common;
+        other.id != thing.id && common > DOUBLE * both
+    };
+    scene.box_error_m == 0.0 || !scene.things.iter().any(is_double)
 }
 
 /// Whether all claims hold of the thing at `index` and of no other with its label: among those of the group, if there is one.
@@ -53,6 +105,9 @@ pub fn singles_out(group: Option<&Group>, claims: &[Claim], around: &Surrounding
         Some(group) => others_of_group(group, around, index),
     };
     let Some(members) = members else { return false };
+    if (group.is_some() || claims.iter().any(Claim::is_ordinal)) && around.has_doubtful_twins(index) {
+        return false; // counted among how many?
+    }
     let among =
         |own: usize| -> Vec<usize> { members.iter().copied().chain([index]).filter(|other| *other != own).collect() };
     claims.iter().all(|claim| is_true(claim, around, index, &members))
@@ -104,43 +159,10 @@ const SEEN_RATIO: f64 = 1.15;
 /// Whether the claim holds of the thing at `index`, clearly enough that people would not quarrel about it. `rivals` are the things that it is
 /// compared with: the others of its class.
 pub fn is_true(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]) -> bool {
-    let own = around.bounds(index);
-    let thing = &around.scene.things[index];
-    match *claim {
-        Claim::Color(word) => match &thing.color_name {
-            Some(name) => is_one_color(name, word),
-            None => thing.color.is_some_and(|rgb| is_called(word, &rgb) == Some(true)),
-        },
-        Claim::Material(ref word) => thing.material.as_ref() == Some(word),
-        Claim::On(anchor) => {
-            let dz_m = own.min.z - around.bounds(anchor).max.z;
-            overlap_share(own, around.bounds(anchor)) > 0.5 && dz_m.abs() < 0.1
-        }
-        Claim::In(anchor) => share_inside(own, around.bounds(anchor)) > 0.7,
-        Claim::Under(anchor) => {
-            let anchor = around.bounds(anchor);
-            overlap_share(own, anchor) > 0.5 && anchor.min.z - own.max.z > -0.05
-        }
-        Claim::LeftOf(anchor) => beside_m(around, index, anchor).x > BESIDE_M + around.scene.box_error_m,
-        Claim::RightOf(anchor) => beside_m(around, index, anchor).x < -BESIDE_M - around.scene.box_error_m,
-        // What has a front has it whoever looks.
-        Claim::InFrontOf(anchor) | Claim::Behind(anchor) if around.scene.things[anchor].front.is_some() => false,
-        Claim::InFrontOf(anchor) => beside_m(around, index, anchor).y < -BESIDE_M - around.scene.box_error_m,
-        Claim::Behind(anchor) => beside_m(around, index, anchor).y > BESIDE_M + around.scene.box_error_m,
-        Claim::Between(a, b) => is_between(own, around.bounds(a), around.bounds(b)),
-        // The first must stand out; who counts further compares pair by pair.
-        Claim::Nth(1, order) if !matches!(order, Order::FromLeft | Order::FromRight) => {
-            !rivals.is_empty() && rivals.iter().all(|rival| stands_out(order, around, index, *rival))
-        }
-        Claim::Nth(n, order) => {
-            let before = rivals.iter().filter(|rival| comes_before(order, around, **rival, index)).count();
-            let after = rivals.iter().filter(|rival| comes_before(order, around, index, **rival)).count();
-            !rivals.is_empty() && before + 1 == n as usize && before + after == rivals.len()
-        }
-    }
+    holds(claim, around, index, rivals, around.scene.box_error_m)
 }
 
-/// Whether the claim clearly does not hold. Only colours and materials have a doubtful border; they are what a listener may judge otherwise.
+/// Whether the claim clearly does not hold: not for another judge of colours, materials and purposes, not if the boxes are off.
 fn is_false(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]) -> bool {
     let thing = &around.scene.things[index];
     match claim {
@@ -150,7 +172,63 @@ fn is_false(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize]
             (None, None) => false,
         },
         Claim::Material(word) => thing.material.as_ref().is_some_and(|material| material != word),
-        _ => !is_true(claim, around, index, rivals),
+        Claim::Function(phrase) => thing.function.as_ref().is_some_and(|function| function != phrase),
+        // An order that is clear one way is clear the other way.
+        Claim::Nth(..) => !is_true(claim, around, index, rivals),
+        _ => !holds(claim, around, index, rivals, -around.scene.box_error_m),
+    }
+}
+
+/// The claim with every border moved by `margin_m`: up for what must be clear, down for what must be excluded.
+fn holds(claim: &Claim, around: &Surroundings, index: usize, rivals: &[usize], margin_m: f64) -> bool {
+    let own = around.bounds(index);
+    let thing = &around.scene.things[index];
+    // What depends on the viewer must hold from wherever he may stand, and may not hold from anywhere if it is to be excluded.
+    let seen = |holds: &dyn Fn(&Point3<f64>) -> bool| {
+        let mut eyes = around.eyes();
+        if margin_m < 0.0 { eyes.any(|eye| holds(&eye)) } else { eyes.all(|eye| holds(&eye)) }
+    };
+    // No margin loosens what makes a claim true; shares move by as much as lengths, in metres.
+    let (share, loose_m) = (margin_m, margin_m.min(0.0));
+    match *claim {
+        Claim::Color(word) => match &thing.color_name {
+            Some(name) => is_one_color(name, word),
+            None => thing.color.is_some_and(|rgb| is_called(word, &rgb) == Some(true)),
+        },
+        Claim::Material(ref word) => thing.material.as_ref() == Some(word),
+        Claim::Function(ref phrase) => thing.function.as_ref() == Some(phrase),
+        Claim::InGroup(anchor) => {
+            let scene = around.scene;
+            let is_support = |group: usize| scene.groups[group].support == Some(scene.things[anchor].id);
+            index != anchor && thing.group.is_some_and(is_support)
+        }
+        Claim::On(anchor) => {
+            let dz_m = own.min.z - around.bounds(anchor).max.z;
+            overlap_share(own, around.bounds(anchor)) > 0.5 + share && dz_m.abs() < 0.1 - loose_m
+        }
+        Claim::In(anchor) => share_inside(own, around.bounds(anchor)) > 0.7 + share,
+        Claim::Under(anchor) => {
+            let anchor = around.bounds(anchor);
+            overlap_share(own, anchor) > 0.5 + share && anchor.min.z - own.max.z > -0.05 + loose_m
+        }
+        // What has a front has it whoever looks.
+        Claim::InFrontOf(anchor) | Claim::Behind(anchor) if around.scene.things[anchor].front.is_some() => false,
+        Claim::LeftOf(anchor) => seen(&|eye| beside_m(around, eye, index, anchor, margin_m).x > BESIDE_M + margin_m),
+        Claim::RightOf(anchor) => seen(&|eye| -beside_m(around, eye, index, anchor, margin_m).x > BESIDE_M + margin_m),
+        Claim::InFrontOf(anchor) => {
+            seen(&|eye| -beside_m(around, eye, index, anchor, margin_m).y > BESIDE_M + margin_m)
+        }
+        Claim::Behind(anchor) => seen(&|eye| beside_m(around, eye, index, anchor, margin_m).y > BESIDE_M + margin_m),
+        Claim::Between(a, b) => is_between(own, around.bounds(a), around.bounds(b), margin_m),
+        // The first must stand out; who counts further compares pair by pair.
+        Claim::Nth(1, order) if !matches!(order, Order::FromLeft | Order::FromRight) => {
+            !rivals.is_empty() && rivals.iter().all(|rival| stands_out(order, around, index, *rival))
+        }
+        Claim::Nth(n, order) => {
+            let before = rivals.iter().filter(|rival| comes_before(order, around, **rival, index)).count();
+            let after = rivals.iter().filter(|rival| comes_before(order, around, index, **rival)).count();
+            !rivals.is_empty() && before + 1 == n as usize && before + after == rivals.len()
+        }
     }
 }
 
@@ -185,8 +263,8 @@ fn comes_before(order: Order, around: &Surroundings, first: usize, second: usize
         Order::Lowest => is_higher(b, a, doubt_m),
         Order::FromLeft | Order::FromRight => {
             // Somebody who sees both at once; 0.02 rad is a hand's breadth across the room.
-            let turn_rad = turn_rad(&around.eye, a, b) * if order == Order::FromLeft { -1.0 } else { 1.0 };
-            (0.02..1.2).contains(&turn_rad)
+            let sign = if order == Order::FromLeft { -1.0 } else { 1.0 };
+            around.eyes().all(|eye| (0.02..1.2).contains(&(sign * turn_rad(&eye, a, b))))
         }
     }
 }
@@ -201,8 +279,15 @@ fn is_nearer(seen_m: f64, a: &Aabb, b: &Aabb, to: &Aabb) -> bool {
     gap_m(a) + seen_m < gap_m(b) || (gap_m(a) <= gap_m(b) + 1e-9 && middles_m(a) + seen_m < middles_m(b))
 }
 
+/// Larger by volume; where boxes were measured, also by the two longest sides: a thing of which one face was seen has a thin box.
 fn is_larger(a: &Aabb, b: &Aabb, doubt_m: f64) -> bool {
-    size_m(a) - doubt_m > SEEN_RATIO * (size_m(b) + doubt_m)
+    let longest_m = |bounds: &Aabb| {
+        let sides: [f64; 3] = std::array::from_fn(|k| bounds.max[k] - bounds.min[k]);
+        let thinnest = sides.iter().copied().fold(f64::INFINITY, f64::min);
+        (sides.iter().product::<f64>() / thinnest.max(1e-9)).sqrt()
+    };
+    let is_larger = |a_m: f64, b_m: f64| a_m - doubt_m > SEEN_RATIO * (b_m + doubt_m);
+    is_larger(size_m(a), size_m(b)) && (doubt_m == 0.0 || is_larger(longest_m(a), longest_m(b)))
 }
 
 /// Seen at once, or closely where one lies over the other.
@@ -220,18 +305,19 @@ fn height_m(bounds: &Aabb) -> f64 {
 }
 
 /// Metres to the left of the anchor and beyond it, for somebody at the eye who looks at it. The smaller of the two is zero if it is less than half
-/// of the other, and both are if neither is much larger: then people say neither. So they do beyond 3 m.
-fn beside_m(around: &Surroundings, own: usize, anchor: usize) -> Vector2<f64> {
+/// of the other, and both are if neither is much larger: then people say neither. So they do beyond 3 m. A margin moves these borders.
+fn beside_m(around: &Surroundings, eye: &Point3<f64>, own: usize, anchor: usize, margin_m: f64) -> Vector2<f64> {
     /// Farther away, nobody says "beside".
     const FAR_M: f64 = 3.0;
+    let (far_m, ratio) = (FAR_M - margin_m, 2.0 * (1.0 + 2.0 * margin_m));
     let center = |index: usize| around.bounds(index).center().xy().coords;
-    let ahead = center(anchor) - around.eye.xy().coords;
+    let ahead = center(anchor) - eye.xy().coords;
     let Some(ahead) = ahead.try_normalize(0.3) else { return Vector2::zeros() };
     let offset = center(own) - center(anchor);
-    let (left_m, far_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
+    let (left_m, beyond_m) = (ahead.x * offset.y - ahead.y * offset.x, ahead.dot(&offset));
     let only =
-        |value: f64, other: f64| if value.abs() > 2.0 * other.abs() && value.abs() < FAR_M { value } else { 0.0 };
-    Vector2::new(only(left_m, far_m), only(far_m, left_m))
+        |value: f64, other: f64| if value.abs() > ratio * other.abs() && value.abs() < far_m { value } else { 0.0 };
+    Vector2::new(only(left_m, beyond_m), only(beyond_m, left_m))
 }
 
 /// By how much somebody at `eye` turns left from `own` to `other`, radians.
@@ -243,7 +329,7 @@ fn turn_rad(eye: &Point3<f64>, own: &Aabb, other: &Aabb) -> f64 {
     (a.x * b.y - a.y * b.x).atan2(a.dot(&b))
 }
 
-fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {
+fn is_between(own: &Aabb, a: &Aabb, b: &Aabb, margin_m: f64) -> bool {
     let center = |bounds: &Aabb| Vector2::new(0.5 * (bounds.min.x + bounds.max.x), 0.5 * (bounds.min.y + bounds.max.y));
     let (p, q, s) = (center(a), center(b), center(own));
     let axis = q - p;
@@ -253,7 +339,7 @@ fn is_between(own: &Aabb, a: &Aabb, b: &Aabb) -> bool {
     }
     let along = (s - p).dot(&axis) / (length_m * length_m);
     let across_m = ((s - p).x * axis.y - (s - p).y * axis.x).abs() / length_m;
-    (0.2..0.8).contains(&along) && across_m < 0.4
+    (0.2 + margin_m / 2.0..0.8 - margin_m / 2.0).contains(&along) && across_m < 0.4 - margin_m
 }
 
 /// Share of the box that lies within the other.

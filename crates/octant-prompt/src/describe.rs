@@ -15,7 +15,7 @@ use dsg::ObjectId;
 use rustc_hash::FxHashMap;
 
 use crate::claim::{Claim, Group, Order, noun_phrase};
-use crate::clause_truth::{Surroundings, is_true, singles_out};
+use crate::clause_truth::{EYE_ERROR_M, Surroundings, is_sure, is_true, singles_out};
 use crate::color_truth::COLORS;
 use crate::grounding::{Scene, ground, room_score};
 use crate::parser::parse_referring;
@@ -37,6 +37,8 @@ pub struct Description {
     pub anchors: Vec<(usize, Option<Claim>)>,
     /// Whether a claim depends on where the viewer stands.
     pub is_view_dependent: bool,
+    /// How far from the middle of the room he may stand, metres.
+    pub eye_error_m: f64,
 }
 
 impl Description {
@@ -83,9 +85,17 @@ pub fn describe_from_a_view(scene: &Scene, id: ObjectId) -> Option<Description> 
     first(scene, id, Wanted::FromView)
 }
 
+/// Who finds nothing that holds from wherever the viewer may stand says what holds from nearer to where he is taken to stand.
 fn first(scene: &Scene, id: ObjectId, wanted: Wanted) -> Option<Description> {
+    let is_exact = scene.box_error_m == 0.0;
+    let eye_errors_m: &[f64] =
+        if is_exact || wanted == Wanted::WithoutView { &[0.0] } else { &[EYE_ERROR_M, 0.2, 0.0] };
+    eye_errors_m.iter().find_map(|eye_error_m| first_within(scene, id, wanted, *eye_error_m))
+}
+
+fn first_within(scene: &Scene, id: ObjectId, wanted: Wanted, eye_error_m: f64) -> Option<Description> {
     let index = scene.things.iter().position(|thing| thing.id == id)?;
-    let whole = Surroundings::whole(scene);
+    let whole = Surroundings { eye_error_m, ..Surroundings::whole(scene) };
     if scene.rooms.len() < 2 {
         return shortest(&whole, None, index, wanted);
     }
@@ -104,7 +114,7 @@ fn first(scene: &Scene, id: ObjectId, wanted: Wanted) -> Option<Description> {
             Wanted::FromView if !is_one_room => return None,
             wanted => wanted,
         };
-        shortest(&Surroundings::of(scene, things), Some(&name), index, wanted)
+        shortest(&Surroundings { eye_error_m, ..Surroundings::of(scene, things) }, Some(&name), index, wanted)
     });
     // A thing in a room without a name is found by what the whole building says about it, if at all.
     let without_room = || (wanted != Wanted::FromView).then(|| shortest(&whole, None, index, Wanted::WithoutView));
@@ -118,8 +128,8 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
     const MAX_MARKS: usize = 3;
     let Some(room) = scene.things[index].room else { return Vec::new() };
     let facts = &scene.rooms[room];
-    /// Below this the kind of a room is a guess that may send people elsewhere.
-    const LEAST_CONFIDENCE: f64 = 0.5;
+    /// Below this the kind of a room is a guess that may send people elsewhere: a lab that was taken for an office had 0.52.
+    const LEAST_CONFIDENCE: f64 = 0.6;
     let name = match &facts.kind {
         Some((kind, confidence)) if *confidence >= LEAST_CONFIDENCE => kind.as_str(),
         Some(_) => "",
@@ -141,6 +151,7 @@ fn names_of_room(scene: &Scene, index: usize) -> Vec<String> {
         }
         let mut marks: Vec<&str> = (0..scene.things.len())
             .filter(|other| scene.things[*other].room == Some(room) && scene.label(*other) != scene.label(index))
+            .filter(|other| is_sure(scene, *other))
             .map(|other| scene.label(other))
             .filter(|label| !is_hull(label) && rooms.iter().all(|other| *other == room || !holds(*other, label)))
             .collect();
@@ -322,7 +333,8 @@ impl<'a> Speaker<'a> {
         let anchors =
             named.map(|anchor| (anchor, self.names.get(&anchor).and_then(|(_, claim)| claim.clone()))).collect();
         let is_view_dependent = group.iter().map(|group| &group.by).chain(&claims).any(Claim::is_view_dependent);
-        Description { text, room: self.room.map(str::to_owned), group, claims, anchors, is_view_dependent }
+        let (room, eye_error_m) = (self.room.map(str::to_owned), self.around.eye_error_m);
+        Description { text, room, group, claims, anchors, is_view_dependent, eye_error_m }
     }
 }
 
@@ -336,6 +348,7 @@ fn anchors(around: &Surroundings, index: usize) -> Vec<(usize, String, Option<Cl
         .iter()
         .copied()
         .filter(|other| *other != index && scene.label(*other) != scene.label(index) && !is_hull(scene.label(*other)))
+        .filter(|other| is_sure(scene, *other))
         .map(|other| (scene.things[other].bounds.gap_m(own), other))
         .collect();
     others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -370,6 +383,7 @@ fn true_claims(around: &Surroundings, index: usize, anchors: &[usize]) -> Vec<Cl
     let betweens =
         anchors.iter().enumerate().flat_map(|(at, a)| anchors[at + 1..].iter().map(move |b| Claim::Between(*a, *b)));
     let material = around.scene.things[index].material.clone().map(Claim::Material);
+    let function = around.scene.things[index].function.clone().map(Claim::Function);
     let orders = orders(anchors);
     let counted = (2..=(rivals.len() as u32 + 1).min(MAX_COUNT))
         .flat_map(|n| orders.iter().map(move |order| Claim::Nth(n, *order)));
@@ -378,7 +392,9 @@ fn true_claims(around: &Surroundings, index: usize, anchors: &[usize]) -> Vec<Cl
         .chain(each(Claim::Under))
         .chain(COLORS.map(Claim::Color))
         .chain(material)
+        .chain(each(Claim::InGroup))
         .chain(orders.iter().map(|order| Claim::Nth(1, *order)))
+        .chain(function)
         .chain(each(Claim::LeftOf))
         .chain(each(Claim::RightOf))
         .chain(each(Claim::InFrontOf))

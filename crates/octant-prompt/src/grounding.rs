@@ -9,9 +9,10 @@ use nalgebra::Point3;
 
 use crate::attributes::attribute_score;
 use crate::extremes::{extremes, in_order};
+use crate::groups::group_score;
 use crate::instruction::{Among, Referring, RelationClause, RoomReference, SpatialRelation, ViewKind};
 use crate::relations::{Shape, Viewer, between_score, facing_front, nearness_key_m, relation_score};
-pub use crate::scene::{RoomFacts, Scene, Thing};
+pub use crate::scene::{GroupFacts, RoomFacts, Scene, Thing};
 use crate::singling;
 use crate::vocabulary::{class_similarity, is_container, kind_similarity, stand_in};
 
@@ -358,7 +359,10 @@ fn best_anchor(relation: SpatialRelation, each: &Match, anchors: &[Match], scene
     let subject_shape = shape(subject, scene);
     let score = |anchor: &Match| {
         let thing = &scene.things[anchor.index];
-        let score = relation_score(relation, &subject_shape, &shape(thing, scene), viewer);
+        let score = match relation {
+            SpatialRelation::InGroup => group_score(each.index, anchor.index, scene, viewer),
+            relation => relation_score(relation, &subject_shape, &shape(thing, scene), viewer),
+        };
         // A wall between two rooms: close in metres, not near.
         let apart = matches!((subject.room, thing.room), (Some(a), Some(b)) if a != b);
         anchor.total * if apart && relation != SpatialRelation::Far { 0.4 * score } else { score }

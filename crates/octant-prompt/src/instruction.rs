@@ -136,14 +136,17 @@ impl fmt::Display for Referring {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut words: Vec<String> =
             self.superlatives.iter().map(|superlative| superlative.word().to_string()).collect();
-        words.extend(
-            self.attributes
-                .iter()
-                .map(|attribute| format!("{}{}", if attribute.negated { "not " } else { "" }, attribute.word)),
-        );
+        let said = |attribute: &Attribute| {
+            let purpose = if attribute.kind == AttributeKind::Function { "used for " } else { "" };
+            format!("{}{purpose}{}", if attribute.negated { "not " } else { "" }, attribute.word)
+        };
+        let (purposes, adjectives): (Vec<&Attribute>, Vec<&Attribute>) =
+            self.attributes.iter().partition(|attribute| attribute.kind == AttributeKind::Function);
+        words.extend(adjectives.into_iter().map(said));
         if !self.class.text.is_empty() {
             words.push(self.class.text.clone());
         }
+        words.extend(purposes.into_iter().map(said));
         for clause in &self.relations {
             let anchors: Vec<String> = clause
                 .anchors
@@ -188,6 +191,8 @@ pub enum AttributeKind {
     Color,
     /// A material of [`crate::vocabulary::material`].
     Material,
+    /// What it is for ("used for sitting at a desk"): the words of the purpose.
+    Function,
     /// A size word ("large"): compared with the other candidates.
     Size(Superlative),
     /// Any other word: looked up in caption and attributes.
@@ -242,6 +247,8 @@ pub enum SpatialRelation {
     Between,
     /// Across from, facing.
     Opposite,
+    /// In the functional group round the anchor ("in the dining table group").
+    InGroup,
     /// At one of the short sides ("at the end of the table").
     AtEnd,
 }
@@ -267,6 +274,7 @@ impl SpatialRelation {
             SpatialRelation::Behind => "behind",
             SpatialRelation::Between => "between",
             SpatialRelation::Opposite => "opposite",
+            SpatialRelation::InGroup => "in the group of",
             SpatialRelation::AtEnd => "at the end of",
         }
     }

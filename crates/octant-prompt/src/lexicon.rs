@@ -27,6 +27,8 @@ pub enum Mark {
     With,
     /// `without`.
     Without,
+    /// `used for`: a purpose follows.
+    For,
     /// `not`, `except`.
     Not,
     /// `and`.
@@ -240,6 +242,8 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::In, "in, inside, within, inside of, into, in the inside of"),
     (Mark::With, "with, has, have, having, holding, that has, which has, containing, supporting, carrying, featuring"),
     (Mark::Without, "without, with no, that has no, that does not have, that doesnt have, has no, lacking, that dont have, does not have, doesnt have, do not have, without any, not having, no"),
+    (Mark::For, "used for, is used for, meant for, intended for, made for, serves for, suitable for, people use for, whose purpose is, that is for"),
+    (Mark::Relation(R::InGroup), "in the group of, part of the group of, of the group of, in the same group as, in a group with, belonging to, belongs to, grouped with"),
     (Mark::Not, "not, isnt, arent, is not, are not, but not, except, other than, rather than, never, excluding, thats \
         not, not the one"),
     (Mark::And, "and, as well as, plus"),

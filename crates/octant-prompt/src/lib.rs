@@ -74,6 +74,7 @@ pub mod describe;
 mod extremes;
 pub mod flat;
 pub mod grounding;
+mod groups;
 mod home_phrase;
 pub mod instruction;
 pub mod lexicon;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::critic::Critique;
-use crate::names::{NameTable, Named};
+use crate::names::NameTable;
 use crate::octant::Octant;
 use crate::prompt::Prompt;
 
@@ -12,9 +12,9 @@ pub fn system_text() -> &'static str {
     "You steer a robot through a building. Each message describes what it knows, from its own point of view: octants such as front-left-top are relative to the robot, distances in metres. \
      Names such as chair1 are ids; in a line about another room, chairx3 stands for room2.chair1, room2.chair2, room2.chair3 of that room2. \
      Think in four steps: which rooms are reachable and fit; in which direction; which group of things is likely to hold the target; which object it is. \
-     Then reply with one JSON object: {\"room\": ..., \"direction\": ..., \"group\": ..., \"object\": ..., \"action\": ..., \"target\": ...}. \
-     Actions: go_to_room(room id), turn_to(octant), go_near(object id), explore(frontier or view id), stop(object id, or room id if the step is to go to a room). \
-     Stop only when the robot is beside the right object. If the target is not known yet, explore. Use only ids that occur in the message."
+     Then reply with one JSON object: {\"room\": ..., \"direction\": ..., \"group\": ..., \"object\": ..., \"target\": ..., \"stop\": ...}. \
+     The target says what to do: go to a room id, turn to an octant, go near an object id, explore a frontier or view id. \
+     \"stop\" is true only when the robot is beside the right object, or in the right room if the step is to go to a room; else false. If the target is not known yet, explore. Use only ids that occur in the message."
 }
 
 /// The user message of one decision: the prompt, and the objections to the earlier attempts.
@@ -31,33 +31,20 @@ pub fn user_text(prompt: &Prompt, critiques: &[Critique]) -> String {
 }
 
 /// The JSON schema of a reply; its `target` is an enum of the names in this prompt and the octants, so that a server that honours it
-/// cannot invent an id. The reply is checked all the same.
+/// cannot invent an id. The target alone says the verb: with a field for each, small models named a verb that does not go with the target.
+/// The reply is checked all the same.
 pub fn reply_schema(names: &NameTable) -> Value {
     let mut targets: Vec<&str> = names.iter().map(|(name, _)| name).collect();
     targets.extend(Octant::ALL.iter().map(|octant| octant.name()));
-    let mut actions = vec!["turn_to"];
-    let has = |wanted: fn(Named) -> bool| names.iter().any(|(_, named)| wanted(named));
-    if has(|named| matches!(named, Named::Room(_))) {
-        actions.push("go_to_room");
-    }
-    if has(|named| matches!(named, Named::Object(_))) {
-        actions.push("go_near");
-    }
-    if has(|named| matches!(named, Named::Place(_))) {
-        actions.push("explore");
-    }
-    if has(|named| matches!(named, Named::Object(_) | Named::Room(_))) {
-        actions.push("stop");
-    }
     let text = json!({"type": "string", "maxLength": 120});
     json!({
         "type": "object",
         "properties": {
             "room": text, "direction": text, "group": text, "object": text,
-            "action": {"type": "string", "enum": actions},
             "target": {"type": "string", "enum": targets},
+            "stop": {"type": "boolean"},
         },
-        "required": ["action", "target"],
+        "required": ["target", "stop"],
         "additionalProperties": false,
     })
 }

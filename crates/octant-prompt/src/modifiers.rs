@@ -24,7 +24,15 @@ impl Parser<'_> {
                     .map(|token| token.mark);
                 if matches!(
                     next,
-                    Some(Mark::Relation(_) | Mark::In | Mark::With | Mark::Without | Mark::Not | Mark::Floor(_))
+                    Some(
+                        Mark::Relation(_)
+                            | Mark::In
+                            | Mark::With
+                            | Mark::Without
+                            | Mark::For
+                            | Mark::Not
+                            | Mark::Floor(_)
+                    )
                 ) {
                     self.skip(|mark| matches!(mark, Mark::Comma | Mark::And | Mark::Pronoun | Mark::Copula));
                 }
@@ -52,6 +60,10 @@ impl Parser<'_> {
             Some(Mark::With) => {
                 self.at += 1;
                 self.with(head, negated, depth)
+            }
+            Some(Mark::For) => {
+                self.at += 1;
+                self.purpose(head, negated)
             }
             Some(Mark::Without) => {
                 self.at += 1;
@@ -167,8 +179,47 @@ impl Parser<'_> {
         }
     }
 
-    /// "in the kitchen", "in room 3", "in the box".
+    /// "used for keeping books": the words up to the end of the clause, or to an "and" before another modifier.
+    fn purpose(&mut self, head: &mut Referring, negated: bool) -> bool {
+        let ends = |at: usize| match self.mark_at(at) {
+            None | Some(Mark::Comma | Mark::Stop | Mark::Then) => true,
+            Some(Mark::And) => {
+                let next = self.mark_at(at + 1);
+                matches!(next, Some(Mark::Relation(_) | Mark::In | Mark::With | Mark::Without | Mark::For | Mark::Not))
+            }
+            Some(_) => false,
+        };
+        let count = (0..).find(|at| ends(*at)).unwrap_or(0);
+        let words: Vec<&str> = self.tokens[self.at..self.at + count].iter().map(|token| token.text.as_str()).collect();
+        self.at += count;
+        if !words.is_empty() {
+            head.attributes.push(Attribute { kind: AttributeKind::Function, word: words.join(" "), negated });
+        }
+        !words.is_empty()
+    }
+
+    /// "the dining table group" after "in": its noun, without the last word.
+    fn group(&mut self, depth: usize) -> Option<Referring> {
+        let rest = &self.tokens[self.at..];
+        let opening = rest.iter().take_while(|token| token.mark == Mark::Determiner).count();
+        let words = rest[opening..].iter().take_while(|token| token.mark == Mark::Word).count();
+        let end = opening + words;
+        if words < 2 || rest[end - 1].text != "group" {
+            return None;
+        }
+        let mut inner = Parser::new(&rest[..end - 1], self.known);
+        let support = inner.noun_phrase(depth + 1).filter(|support| !support.class.text.is_empty())?;
+        self.at += end;
+        Some(support)
+    }
+
+    /// "in the kitchen", "in room 3", "in the box", "in the dining table group".
     fn inside(&mut self, head: &mut Referring, negated: bool, depth: usize) -> bool {
+        if let Some(support) = self.group(depth) {
+            let relation = SpatialRelation::InGroup;
+            head.relations.push(RelationClause { relation, anchors: vec![support], negated });
+            return true;
+        }
         let Some(anchor) = self.noun_phrase(depth + 1) else {
             return false;
         };

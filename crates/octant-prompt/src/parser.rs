@@ -144,7 +144,7 @@ pub(crate) struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
-    fn new(tokens: &'a [Token], known: &'a [String]) -> Self {
+    pub(crate) fn new(tokens: &'a [Token], known: &'a [String]) -> Self {
         Parser { tokens, known, at: 0, view: None, last_class: None }
     }
 

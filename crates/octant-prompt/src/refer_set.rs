@@ -200,6 +200,8 @@ pub fn read_scene(line: &str) -> Result<(String, Scene), ReferSetError> {
             words: String::new(),
             color_name: None,
             material: None,
+            function: None,
+            group: None,
             room: None,
             front: front.map(Point3::from),
             oriented,

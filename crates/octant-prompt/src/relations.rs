@@ -58,7 +58,10 @@ pub fn relation_score(relation: SpatialRelation, subject: &Shape, anchor: &Shape
         SpatialRelation::Above => above(a, b),
         SpatialRelation::Inside => inside(a, b).max(if anchor.is_container { on(a, b, true) } else { 0.0 }),
         SpatialRelation::Containing => inside(b, a).max(if subject.is_container { on(b, a, true) } else { 0.0 }),
-        SpatialRelation::With => on(b, a, subject.is_container).max(inside(b, a)).max(0.9 * near(a, b)),
+        // Used with it: where no group is known, what is on, in or near it may be. A known one decides in `groups.rs`.
+        SpatialRelation::With | SpatialRelation::InGroup => {
+            on(b, a, subject.is_container).max(inside(b, a)).max(0.9 * near(a, b))
+        }
         SpatialRelation::Opposite => 1.0 / (1.0 + (nearness_key_m(a, b) / 3.0).powi(3)),
         SpatialRelation::AtEnd => near(a, b) * (0.4 + 0.6 * at_end(a, b)),
         SpatialRelation::Between => near(a, b),

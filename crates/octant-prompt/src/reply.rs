@@ -1,13 +1,15 @@
 //! From the text of a language model to an action: JSON or call syntax, hostile until parsed.
 //!
-//! Accepted: `{"action": "go_near", "target": "chair1"}` (also inside prose or a code fence, with optional `room`, `direction`, `group`,
-//! `object` texts for the four reasoning steps), `{"action": "go_near(chair1)"}`, and a line `go_near(chair1)` with or without quotes.
+//! Accepted: `{"target": "chair1", "stop": false}` (also inside prose or a code fence, with optional `room`, `direction`, `group`, `object`
+//! texts for the four reasoning steps), where the target's kind is the verb; `{"action": "go_near", "target": "chair1"}`;
+//! `{"action": "go_near(chair1)"}`; and a line `go_near(chair1)` with or without quotes.
 //! Bounded in size and depth; names must be those of the prompt; nothing panics.
 
 use serde_json::Value;
 
 use crate::action::{Action, Target};
 use crate::names::{NameTable, Named};
+use crate::octant::Octant;
 use crate::reasoner::{ReasoningStep, Reply, TraceStep};
 
 /// Longest reply that is read, bytes.
@@ -24,7 +26,7 @@ pub enum ReplyError {
         /// Its length.
         bytes: usize,
     },
-    /// No JSON object with an `action` and no call of a known verb was found.
+    /// No JSON object with a `target` or an `action` and no call of a known verb was found.
     #[error("no action found; reply with one of go_to_room(id), turn_to(octant), go_near(id), explore(id), stop(id)")]
     NoAction,
     /// The verb is none of the grammar.
@@ -66,7 +68,9 @@ pub fn parse_reply(text: &str, names: &NameTable) -> Result<Reply, ReplyError> {
     let (verb, target, trace, confidence) = match json_object(text) {
         Some(object) => {
             let field = |key: &str| object.get(key).and_then(Value::as_str);
-            let verb = field("action").ok_or(ReplyError::NoAction)?;
+            let stops = object.get("stop").and_then(Value::as_bool);
+            let implied = || implied_verb(field("target")?, stops?, names);
+            let verb = field("action").or_else(implied).ok_or(ReplyError::NoAction)?;
             let (verb, inner) = call(verb).unwrap_or((verb.trim(), None));
             let target =
                 field("target").or(inner).or_else(|| ["id", "reason", "room_id", "octant"].into_iter().find_map(field));
@@ -98,6 +102,18 @@ pub fn parse_reply(text: &str, names: &NameTable) -> Result<Reply, ReplyError> {
     Ok(Reply { action, trace, confidence, text: text.to_string(), answer_tokens: None })
 }
 
+/// The verb of a target for which none is said. What is no name at all is refused by whoever reads the target.
+fn implied_verb(target: &str, stops: bool, names: &NameTable) -> Option<&'static str> {
+    let target = unquoted(target);
+    Some(match names.get(target) {
+        _ if stops => "stop",
+        Some(Named::Room(_)) => "go_to_room",
+        Some(Named::Place(_)) => "explore",
+        None if target.parse::<Octant>().is_ok() => "turn_to",
+        Some(Named::Object(_)) | None => "go_near",
+    })
+}
+
 fn action(verb: &str, target: Option<&str>, names: &NameTable) -> Result<Action, ReplyError> {
     const VERBS: [&str; 6] = ["go_to_room", "turn_to", "go_near", "explore", "stop", "give_up"];
     let folded: String =
@@ -126,7 +142,7 @@ fn action(verb: &str, target: Option<&str>, names: &NameTable) -> Result<Action,
     }
 }
 
-/// The first balanced JSON object of the text that parses and has an `action`.
+/// The first balanced JSON object of the text that parses and has a `target` or an `action`.
 fn json_object(text: &str) -> Option<serde_json::Map<String, Value>> {
     /// Attempts at different opening braces.
     const MAX_STARTS: usize = 16;
@@ -135,7 +151,7 @@ fn json_object(text: &str) -> Option<serde_json::Map<String, Value>> {
             continue;
         };
         if let Ok(Value::Object(object)) = serde_json::from_str(&text[start..start + end])
-            && object.contains_key("action")
+            && (object.contains_key("action") || object.contains_key("target"))
         {
             return Some(object);
         }
@@ -211,7 +227,6 @@ fn shortened(text: &str, bytes: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::octant::Octant;
     use dsg::{ObjectId, PlaceId, RoomId};
 
     fn names() -> NameTable {
@@ -234,6 +249,11 @@ mod tests {
         check(r#"{"action":"go_near","target":"chair1"}"#, near.clone());
         check("```json\n{\n  \"action\": \"go_near('Chair1')\"\n}\n```", near.clone());
         check(r#"{} {"room":"room2","action":"go near","target":"chair1"}"#, near);
+        check(r#"{"object":"the chair","target":"chair1","stop":false}"#, Ok(Action::GoNear(ObjectId(7))));
+        check(r#"{"target":"chair1","stop":true}"#, Ok(Action::Stop(Target::Object(ObjectId(7)))));
+        check(r#"{"target":"room2","stop":false}"#, Ok(Action::GoToRoom(RoomId(2))));
+        check(r#"{"target":"frontier1","stop":false}"#, Ok(Action::Explore(PlaceId(9))));
+        check(r#"{"target":"back-left-top","stop":false}"#, Ok(Action::TurnTo(Octant::BackLeftTop)));
         check("go_to_room(room2)", Ok(Action::GoToRoom(RoomId(2))));
         check("explore( frontier1 )", Ok(Action::Explore(PlaceId(9))));
         check("turn_to(Back-Left-Top)", Ok(Action::TurnTo(Octant::BackLeftTop)));
@@ -249,6 +269,13 @@ mod tests {
         check("go_near(room2)", Err(ReplyError::WrongKind { verb: "go_near", name: "room2".into() }));
         check(r#"{"action":"fly","target":"chair1"}"#, Err(ReplyError::UnknownVerb { verb: "fly".into() }));
         check(r#"{"action":7}"#, Err(ReplyError::NoAction));
+        check(r#"{"target":"chair1"}"#, Err(ReplyError::NoAction)); // stop there, or go there?
+        check(r#"{"target":"chair1","stop":"yes"}"#, Err(ReplyError::NoAction));
+        check(
+            r#"{"target":"frontier1","stop":true}"#,
+            Err(ReplyError::WrongKind { verb: "stop", name: "frontier1".into() }),
+        );
+        check(r#"{"target":"chair2","stop":false}"#, Err(ReplyError::UnknownName { name: "chair2".into() }));
         assert!(matches!(parse_reply(&"x".repeat(MAX_REPLY_BYTES + 1), &names()), Err(ReplyError::TooLong { .. })));
         check(&"{".repeat(10_000), Err(ReplyError::NoAction));
         check(&format!("{}\"action\":\"stop\"{}", "{\"a\":".repeat(50), "}".repeat(50)), Err(ReplyError::NoAction));

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use dsg::{Aabb, ObjectId, RoomId, SceneGraph};
+use dsg::{Aabb, GroupId, ObjectId, RoomId, SceneGraph};
 use nalgebra::Point3;
 
 use crate::oriented_box::OrientedBox;
@@ -25,6 +25,10 @@ pub struct Thing {
     pub color_name: Option<String>,
     /// What it is made of, in its canonical word ("wood"), if the graph holds that.
     pub material: Option<String>,
+    /// What it is for ("sitting at a desk", normalised), if the graph holds that.
+    pub function: Option<String>,
+    /// Index into [`Scene::groups`].
+    pub group: Option<usize>,
     /// Index into [`Scene::rooms`].
     pub room: Option<usize>,
     /// A point on its front face, if known.
@@ -52,6 +56,13 @@ pub struct RoomFacts {
     pub floor: i32,
 }
 
+/// A functional group: things that are used together round one of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GroupFacts {
+    /// The thing that names it: the table, the desk, the bed.
+    pub support: Option<ObjectId>,
+}
+
 /// Error of the faces of a mapped box, metres: two voxels.
 const MAPPED_BOX_ERROR_M: f64 = 0.1;
 
@@ -62,6 +73,8 @@ pub struct Scene {
     pub things: Vec<Thing>,
     /// The rooms, in ascending order of ids.
     pub rooms: Vec<RoomFacts>,
+    /// The functional groups.
+    pub groups: Vec<GroupFacts>,
     /// Distinct classes.
     pub classes: Vec<Class>,
     /// Storey of the viewer.
@@ -85,6 +98,9 @@ impl Scene {
         let mut scene = Scene { floor, box_error_m: MAPPED_BOX_ERROR_M, ..Scene::default() };
         let room_index: HashMap<RoomId, usize> =
             graph.rooms().enumerate().map(|(index, room)| (room.id, index)).collect();
+        let group_index: HashMap<GroupId, usize> =
+            graph.groups().enumerate().map(|(index, group)| (group.id, index)).collect();
+        scene.groups = graph.groups().map(|group| GroupFacts { support: group.support }).collect();
         let mut contents: Vec<Vec<u32>> = vec![Vec::new(); room_index.len()];
         for object in graph.objects() {
             let top = object.votes.values().copied().fold(0.0, f64::max);
@@ -115,6 +131,8 @@ impl Scene {
                     .get("material")
                     .and_then(|name| material(&normalise(name)))
                     .map(str::to_owned),
+                function: object.attributes.get("function").map(|phrase| normalise(phrase)),
+                group: object.group.and_then(|id| group_index.get(&id).copied()),
                 room,
                 front: None,
                 oriented: None,

@@ -8,6 +8,7 @@ use dsg::{Aabb, ObjectId};
 use nalgebra::{Point2, Vector2};
 
 use crate::grounding::{Match, shape};
+use crate::groups::group_score;
 use crate::instruction::SpatialRelation;
 use crate::oriented_box::OrientedBox;
 use crate::relations::{Shape, Viewer, between_score, facing_front, relation_score};
@@ -90,6 +91,13 @@ pub(crate) fn relation(
             near.into_iter().zip(sides).map(|(near, side)| near.powf(weight) * side).collect()
         }
         SpatialRelation::Opposite => opposite(found, &first, scene),
+        SpatialRelation::InGroup => found
+            .iter()
+            .map(|each| {
+                let score = |&(weight, index): &(f64, usize)| weight * group_score(each.index, index, scene, viewer);
+                first.iter().filter(|anchor| anchor.1 != each.index).map(score).fold(FLOOR, f64::max)
+            })
+            .collect(),
         _ => found
             .iter()
             .map(|each| {

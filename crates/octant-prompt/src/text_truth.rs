@@ -51,6 +51,7 @@ fn answers(goal: &Referring, around: &Surroundings, depth: usize) -> Vec<usize> 
                         .find(|color| *color == attribute.word || (*color == "gray" && attribute.word == "grey"))
                         .map(Claim::Color),
                     AttributeKind::Material => Some(Claim::Material(attribute.word.clone())),
+                    AttributeKind::Function => Some(Claim::Function(attribute.word.clone())),
                     AttributeKind::Size(size) => order_of(size).map(|order| Claim::Nth(1, order)),
                     AttributeKind::Other => None,
                 };
@@ -88,6 +89,7 @@ fn relation_holds(
     let first = anchors.first().filter(|first| !first.is_empty())?;
     let any = |make: &dyn Fn(usize) -> Claim| Some(first.iter().any(|anchor| holds(at, make(*anchor))));
     match clause.relation {
+        SpatialRelation::InGroup => any(&Claim::InGroup),
         SpatialRelation::On => any(&Claim::On),
         SpatialRelation::Inside => any(&Claim::In),
         SpatialRelation::Under => any(&Claim::Under),

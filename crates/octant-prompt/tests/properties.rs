@@ -388,9 +388,10 @@ mod descriptions {
             prop_assert!(seen.iter().all(|found| found.is_view_dependent));
             prop_assert_eq!(shortest.is_some(), plain.is_some() || seen.is_some());
             if let Some(shortest) = &shortest {
+                // Of those that are as sure.
                 let others = plain
                     .iter()
-                    .chain(&seen)
+                    .chain(seen.iter().filter(|other| other.eye_error_m == shortest.eye_error_m))
                     .filter(|other| other.room == shortest.room && other.group.is_none() && shortest.group.is_none());
                 prop_assert!(others.into_iter().all(|other| other.words() >= shortest.words()), "{}", shortest.text);
             }
@@ -400,6 +401,7 @@ mod descriptions {
                     None => Surroundings::whole(scene),
                     Some(room) => Surroundings::of(scene, things_in(scene, room)),
                 };
+                let around = Surroundings { eye_error_m: found.eye_error_m, ..around };
                 let answers: Vec<usize> = (0..scene.things.len())
                     .filter(|other| scene.label(*other) == scene.label(index))
                     .filter(|other| singles_out(found.group.as_ref(), &found.claims, &around, *other))

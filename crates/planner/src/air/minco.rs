@@ -7,7 +7,7 @@
 //! the s - 1 derivatives at each inner point, and the system says that the effort is stationary in them. It is the same
 //! optimum, but the matrix is symmetric, positive definite and block tridiagonal with blocks of s - 1: a tenth of the
 //! work, no pivoting, and Cholesky factors do not care how the unknowns are scaled. At durations a thousand times apart orders 2 and 3 keep
-//! eleven digits; order 4 needs more than a double holds there ([`super::minco_extremes`]). The same factors carry any gradient from coefficients to points and durations (the paper's adjoint).
+//! eleven digits; order 4 needs more than a double holds there (`minco_extremes.rs`). The same factors carry any gradient from coefficients to points and durations (the paper's adjoint).
 
 // Loops over indices are the sums of the formulas.
 #![allow(clippy::needless_range_loop)]

@@ -5,7 +5,7 @@
 //! ```
 //! Samples see limits through a smoothed kink `phi`, so a minimum of J exceeds limits a little and between samples: it is a
 //! start and a yardstick, not a flight. What the Bernstein points prove to be inside is not sampled; its penalty is zero. This file is the
-//! text; [`PenalisedSpline::evaluate`] takes four samples at a time ([`super::penalty_lanes`]).
+//! text; [`PenalisedSpline::evaluate`] takes four samples at a time (`penalty_lanes.rs`).
 
 use nalgebra::Vector3;
 
