@@ -17,7 +17,7 @@ const SEED: u64 = 1;
 fn max_time_s(kind: RobotKind) -> f64 {
     match kind {
         RobotKind::Ground => 8.0,
-        RobotKind::Aerial => 10.0,
+        RobotKind::Aerial => 20.0,
     }
 }
 

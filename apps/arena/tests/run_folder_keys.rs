@@ -30,6 +30,7 @@ const PROMISED: [&str; 21] = [
     "prompt_tokens",
     "answer_tokens",
     "collisions",
+    "contacts_with_people",
     "min_clearance_m",
     "rooms_found",
     "objects_found",

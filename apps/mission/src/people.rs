@@ -36,9 +36,10 @@ impl People {
         self.tracker.observe(stamp, eye, floor_m, points, &|point| field.distance(point));
     }
 
-    /// What of a scan is somebody's body, and what is nobody's: that is for the map.
-    pub fn part(&self, points: Vec<Point3<f32>>) -> (Vec<Point3<f32>>, Vec<Point3<f32>>) {
-        points.into_iter().partition(|point| self.tracker.is_part(point))
+    /// What of a scan of the last two seconds is nobody's body, as far as is known by now: that is for the map.
+    pub fn without<'a>(&'a self, points: &'a [Point3<f32>], stamp: Stamp) -> impl Iterator<Item = Point3<f32>> + 'a {
+        let bodies = self.tracker.bodies_at(stamp);
+        points.iter().filter(move |point| !bodies.iter().any(|body| body.holds(point))).copied()
     }
 
     /// Whether nobody is near.

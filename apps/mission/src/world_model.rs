@@ -2,6 +2,7 @@
 //!
 //! [`WorldModel::see`] takes what the sensors say as it comes; [`WorldModel::refresh`] twice a second draws the conclusions.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 
 use dsg::{ObjectEvidence, SceneGraph};
@@ -37,10 +38,7 @@ const OBSTACLE_RANGE_M: f64 = 3.5;
 /// One deskewed scan, kept until the images around it have been labelled.
 struct RecentScan {
     stamp: Stamp,
-    /// What is nobody's body.
-    still: Vec<Point3<f32>>,
-    /// What is somebody's.
-    people: Vec<Point3<f32>>,
+    points_in_world: Vec<Point3<f32>>,
 }
 
 /// Counts of what was not used, and why; reported, never silent.
@@ -299,7 +297,10 @@ impl WorldModel {
         let origin = straight.sensor_origin_in_world();
         clock.time("people", || self.people.see(straight.stamp, &origin, self.floor_m, &points, &self.field));
         // Whoever walks is for nobody's map.
-        let (people, still) = if self.people.is_empty() { (Vec::new(), points) } else { self.people.part(points) };
+        let still = match self.people.is_empty() {
+            true => Cow::Borrowed(&points),
+            false => Cow::Owned(self.people.without(&points, straight.stamp).collect::<Vec<Point3<f32>>>()),
+        };
         let integrated = clock.time("volume", || self.volume.integrate(&origin, &still));
         if integrated.is_err() {
             self.ignored.updates += 1;
@@ -324,7 +325,7 @@ impl WorldModel {
         let horizon = Stamp(straight.stamp.0 - 5_000_000_000);
         self.trajectory.forget_before(horizon);
         self.encoder.forget_before(horizon);
-        self.recent.push_back(RecentScan { stamp: straight.stamp, still, people });
+        self.recent.push_back(RecentScan { stamp: straight.stamp, points_in_world: points });
         let window_s = self.config.label_window_s + self.config.label_delay_s + 0.6;
         let oldest = Stamp(straight.stamp.0 - (window_s * 1e9) as i64);
         while self.recent.front().is_some_and(|scan| scan.stamp < oldest) {
@@ -420,10 +421,14 @@ impl WorldModel {
         let around = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns;
         // A second of scans shows what stands still better than one; who walks was elsewhere in most of them, before other things.
         const INSTANT_NS: i64 = 110_000_000;
-        let is_now = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= INSTANT_NS;
-        let still = self.recent.iter().filter(around).map(|scan| scan.still.as_slice());
-        let people = self.recent.iter().filter(is_now).map(|scan| scan.people.as_slice());
-        let points = still.chain(people).collect::<Vec<&[Point3<f32>]>>().concat();
+        let mut points = Vec::new();
+        for scan in self.recent.iter().filter(around) {
+            let is_now = (scan.stamp.0 - panorama.stamp.0).abs() <= INSTANT_NS;
+            match is_now || self.people.is_empty() {
+                true => points.extend_from_slice(&scan.points_in_world),
+                false => points.extend(self.people.without(&scan.points_in_world, scan.stamp)),
+            }
+        }
         if points.is_empty() {
             self.ignored.images += 1;
             return None;

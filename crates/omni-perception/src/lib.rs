@@ -115,7 +115,7 @@ pub use label_names::{LabelNames, LabelTableError, UNKNOWN};
 pub use label_transfer::{LabelConfig, LabelError, LabelReport, LabelTransfer, label_points, transfer_labels};
 pub use localisation::{Candidate, KnownPlace, LocalisationConfig, LocalisationError, Look, Verdict, judge, localise};
 pub use mask::{Mask, MaskedPanorama, RgbImage};
-pub use mover_tracker::{MoverConfig, MoverTrack, MoverTracker};
+pub use mover_tracker::{MoverBody, MoverConfig, MoverTrack, MoverTracker};
 pub use observation::{ObjectObservation, ObservationConfig, Observations, observe_objects, observe_panorama};
 pub use odometry::config::{LioConfig, LioConfigError};
 pub use odometry::inertial::ImuFault;

@@ -85,6 +85,25 @@ pub struct MoverTrack {
     history: Vec<(Stamp, Point2<f64>)>,
 }
 
+/// The upright cylinder that holds somebody, with some room; from the floor up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MoverBody {
+    /// On the floor, world frame.
+    pub middle: Point2<f64>,
+    /// Of the cylinder.
+    pub radius_m: f64,
+    /// Height of its upper end in the world.
+    pub top_m: f64,
+}
+
+impl MoverBody {
+    /// Whether a point is in it.
+    pub fn holds(&self, point: &Point3<f32>) -> bool {
+        let (dx, dy) = (f64::from(point.x) - self.middle.x, f64::from(point.y) - self.middle.y);
+        dx * dx + dy * dy <= self.radius_m * self.radius_m && f64::from(point.z) < self.top_m
+    }
+}
+
 /// Finds and follows them.
 #[derive(Debug, Clone, Default)]
 pub struct MoverTracker {
@@ -213,16 +232,16 @@ impl MoverTracker {
         track.is_believed = true;
     }
 
-    /// Whether a point of the newest scan is part of somebody who is believed.
-    pub fn is_part(&self, point: &Point3<f32>) -> bool {
+    /// What those who are believed by now took up at a time of the last two seconds.
+    pub fn bodies_at(&self, stamp: Stamp) -> Vec<MoverBody> {
         const SLACK_M: f64 = 0.12;
         const OVER_M: f64 = 0.25;
-        self.movers().any(|track| {
-            let (dx, dy) = (f64::from(point.x) - track.position.x, f64::from(point.y) - track.position.y);
-            let reach_m = track.radius_m + SLACK_M;
-            let z = f64::from(point.z);
-            dx * dx + dy * dy <= reach_m * reach_m && z < track.heights_m[1] + OVER_M
-        })
+        let body = |track: &MoverTrack| MoverBody {
+            middle: track.position_at(stamp),
+            radius_m: track.radius_m + SLACK_M,
+            top_m: track.heights_m[1] + OVER_M,
+        };
+        self.movers().map(body).collect()
     }
 
     fn begin(&mut self, stamp: Stamp, eye: &Point3<f64>, body: &Body) {

@@ -94,7 +94,8 @@ fn who_stands_has_a_name_from_an_image_and_keeps_it_for_a_while() {
             assert_eq!((movers[0].id, movers[0].label.as_deref()), (0, Some("person")));
         }
     }
-    assert!(watch.tracker.is_part(&Point3::new(2.1, 1.0, 1.2)) && !watch.tracker.is_part(&Point3::new(3.0, 1.0, 1.2)));
+    let body = watch.tracker.bodies_at(watch.now)[0];
+    assert!(body.holds(&Point3::new(2.1, 1.0, 1.2)) && !body.holds(&Point3::new(3.0, 1.0, 1.2)));
     // It is gone, as nobody goes: it is forgotten.
     (0..20).for_each(|_| watch.see(&[]));
     assert!(watch.movers().is_empty());

@@ -149,7 +149,7 @@ impl LocalPolicy {
         let stop_m = 0.5 * speed * speed / c.max_accel_mps2 + speed * c.period_s;
         let reach_m = stop_m.max(speed * c.horizon_s) + self.footprint.circumscribed_radius_m + c.slow_clearance_m;
         self.field.update(points, &Point2::new(pose.x, pose.y), reach_m.min(8.0), 0.3);
-        self.traffic.watch(movers, &self.footprint, pose, c.margin_m, reach_m, c.horizon_s);
+        self.traffic.watch(movers, &self.footprint, pose, c.margin_m, reach_m, c.horizon_s, c.period_s);
         self.field.set_required(&self.footprint, pose, c.margin_m, c.slow_clearance_m.max(0.5))
     }
 

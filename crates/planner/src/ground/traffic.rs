@@ -29,16 +29,23 @@ pub struct GroundMover {
 pub(crate) const PASSING_S: f64 = 1.0;
 /// A mover that is slower stands.
 const STANDS_MPS: f64 = 0.2;
+/// Who walked this near has not come to stand there: he is stopped by the robot, and goes on when it moves.
+const PRESSING_M: f64 = 0.5;
+/// For so long after.
+const ALERT_S: f64 = 2.0;
 
 /// Movers, and what each must be kept from.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Traffic {
     movers: Vec<(GroundMover, f64)>,
+    /// For so long nobody near is believed to stand.
+    alert_s: f64,
 }
 
 impl Traffic {
     /// Those within reach of a robot at `pose`; numbers that are none are skipped. Movers that stand need not be left further than they
-    /// are.
+    /// are, unless they have just walked up to the robot.
+    #[allow(clippy::too_many_arguments)] // one for each thing that says who is near
     pub fn watch(
         &mut self,
         movers: &[GroundMover],
@@ -47,8 +54,13 @@ impl Traffic {
         margin_m: f64,
         reach_m: f64,
         horizon_s: f64,
+        period_s: f64,
     ) {
         self.movers.clear();
+        let presses = |mover: &GroundMover| {
+            mover.velocity_mps.norm() >= STANDS_MPS && distance_m(footprint, pose, mover, 0.0) < PRESSING_M
+        };
+        self.alert_s = if movers.iter().any(presses) { ALERT_S } else { (self.alert_s - period_s).max(0.0) };
         for mover in movers {
             let numbers = mover.position.iter().chain(mover.velocity_mps.iter());
             let is_sound = numbers.chain([&mover.radius_m, &mover.growth_mps]).all(|x| x.is_finite());
@@ -62,7 +74,7 @@ impl Traffic {
             }
             let mut mover = *mover;
             let mut keep_m = margin_m;
-            if speed_mps < STANDS_MPS {
+            if speed_mps < STANDS_MPS && self.alert_s == 0.0 {
                 // A rounding less than now; more would let the robot creep nearer cycle by cycle.
                 keep_m = margin_m.min(now_m - 1e-6);
                 mover.growth_mps = mover.growth_mps.min(speed_mps);
