@@ -103,8 +103,23 @@ fn bench_nav_prints_its_promised_keys_and_ask_answers_on_the_folder_it_keeps() {
         keep.to_str().unwrap(),
     ];
     let bench = json(&arguments);
-    let promised =
-        ["robot", "scenes", "seed", "success_rate", "spl_mean", "collisions", "realtime_factor", "drawn", "runs"];
+    let promised = [
+        "robot",
+        "scenes",
+        "seed",
+        "success_rate",
+        "spl_mean",
+        "spl_unknown",
+        "spl_known",
+        "collisions",
+        "people",
+        "contacts_with_people",
+        "graph_update_ms",
+        "route_ms",
+        "realtime_factor",
+        "drawn",
+        "runs",
+    ];
     let added = ["wall_s"];
     assert_eq!(keys(&bench), promised.into_iter().chain(added).collect());
     assert_eq!(

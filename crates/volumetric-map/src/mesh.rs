@@ -56,15 +56,15 @@ pub struct VertexId(pub [i32; 3]);
 /// What one block adds to the mesh, by names: for those who keep the mesh and take over what an update changed.
 ///
 /// Put the patches of [`MeshDelta::updated`] in the place of the old ones and drop those of [`MeshDelta::removed`]; then the mesh is all
-/// vertices, and all faces whose three corners exist.
+/// vertices, and of all quads whose four corners exist the triangles 0-1-2 and 0-2-3.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MeshPatch {
     /// Names of the vertices, ascending within a layer of cells.
     pub ids: Vec<VertexId>,
     /// Positions, labels and instances of the vertices (no faces).
     pub vertices: Mesh,
-    /// Corners of triangles, some of them in neighbouring blocks.
-    pub faces: Vec<[VertexId; 3]>,
+    /// Corners of quads, some of them in neighbouring blocks; one whose corner does not exist touches what nobody saw.
+    pub quads: Vec<[VertexId; 4]>,
 }
 
 impl Volume {
@@ -181,7 +181,7 @@ impl Volume {
         patch.vertices.push_tags(&part.tags);
         patch.ids.extend(part.cells.iter().map(|cell| VertexId(voxel_of(key, u32::from(*cell)))));
         for quad in &part.quads {
-            patch.faces.extend(split(quad.cells(key).map(VertexId)));
+            patch.quads.push(quad.cells(key).map(VertexId));
         }
         Some(patch)
     }

@@ -335,8 +335,9 @@ mod names_of_vertices {
                             prop_assert!(replayed.insert(*id, vertex).is_none(), "a name is used twice");
                         }
                     }
-                    let faces: Vec<_> = patches.values().flat_map(|patch| &patch.faces)
-                        .filter(|face| face.iter().all(|id| replayed.contains_key(id))).copied().collect();
+                    let faces: Vec<_> = patches.values().flat_map(|patch| &patch.quads)
+                        .filter(|quad| quad.iter().all(|id| replayed.contains_key(id)))
+                        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
                     let (mesh, ids) = (volume.mesh(), volume.vertex_ids());
                     prop_assert_eq!(ids.len(), mesh.vertices.len());
                     for (k, id) in ids.iter().enumerate() {
