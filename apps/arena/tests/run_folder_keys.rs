@@ -30,7 +30,6 @@ const PROMISED: [&str; 21] = [
     "prompt_tokens",
     "answer_tokens",
     "collisions",
-    "contacts_with_people",
     "min_clearance_m",
     "rooms_found",
     "objects_found",
@@ -38,7 +37,8 @@ const PROMISED: [&str; 21] = [
 ];
 /// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it, what became of the
 /// pictures.
-const ADDED: [&str; 6] = ["model", "kind", "interrupted", "images", "images_without_masks", "segmenter_error"];
+const ADDED: [&str; 7] =
+    ["contacts_with_people", "model", "kind", "interrupted", "images", "images_without_masks", "segmenter_error"];
 
 const FILES: [&str; 14] = [
     "summary.json",
