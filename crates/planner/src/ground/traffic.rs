@@ -57,16 +57,16 @@ impl Traffic {
         period_s: f64,
     ) {
         self.movers.clear();
+        let is_sound = |mover: &&GroundMover| {
+            let numbers = mover.position.iter().chain(mover.velocity_mps.iter());
+            numbers.chain([&mover.radius_m, &mover.growth_mps]).all(|x| x.is_finite())
+        };
         let presses = |mover: &GroundMover| {
             mover.velocity_mps.norm() >= STANDS_MPS && distance_m(footprint, pose, mover, 0.0) < PRESSING_M
         };
-        self.alert_s = if movers.iter().any(presses) { ALERT_S } else { (self.alert_s - period_s).max(0.0) };
-        for mover in movers {
-            let numbers = mover.position.iter().chain(mover.velocity_mps.iter());
-            let is_sound = numbers.chain([&mover.radius_m, &mover.growth_mps]).all(|x| x.is_finite());
-            if !is_sound {
-                continue;
-            }
+        let is_pressed = movers.iter().filter(is_sound).any(presses);
+        self.alert_s = if is_pressed { ALERT_S } else { (self.alert_s - period_s).max(0.0) };
+        for mover in movers.iter().filter(is_sound) {
             let now_m = distance_m(footprint, pose, mover, 0.0);
             let speed_mps = mover.velocity_mps.norm();
             if now_m > reach_m + (speed_mps + mover.growth_mps) * horizon_s {
