@@ -14,6 +14,7 @@ use serde::Serialize;
 use crate::cli::word;
 use crate::known_building::survey_of;
 use crate::progress::ProgressView;
+use crate::quantile::quantile;
 use crate::run::{RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scenario, draw_scenario};
@@ -83,12 +84,9 @@ pub struct Times {
 }
 
 impl Times {
-    fn of(mut samples_us: Vec<u32>) -> Times {
-        samples_us.sort_unstable();
-        let at = |share: f64| {
-            let index = (samples_us.len() as f64 * share) as usize;
-            samples_us.get(index.min(samples_us.len().saturating_sub(1))).map_or(0.0, |us| f64::from(*us) / 1e3)
-        };
+    fn of(samples_us: impl Iterator<Item = u32>) -> Times {
+        let samples_ms: Vec<f64> = samples_us.map(|us| f64::from(us) / 1e3).collect();
+        let at = |share: f64| quantile(&samples_ms, share).unwrap_or(0.0);
         Times { median: at(0.5), p99: at(0.99) }
     }
 }
@@ -126,7 +124,7 @@ pub fn bench_nav(
     view.finish();
 
     let pooled = |of: fn(&Facts) -> &Vec<u32>| {
-        Times::of(outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).flat_map(|facts| of(facts).clone()).collect())
+        Times::of(outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).flat_map(of).copied())
     };
     let (graph_update_ms, route_ms) = (pooled(|facts| &facts.updates_us), pooled(|facts| &facts.routes_us));
     let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();

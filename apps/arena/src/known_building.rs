@@ -3,14 +3,12 @@
 use anyhow::{Context, Result};
 use mission::archive::Known;
 use mission::robot_model::RobotModel;
-use nalgebra::Point2;
 use omni_sim::crowd::CrowdConfig;
 
-use crate::referee::Referee;
 use crate::run::RunConfig;
-use crate::scenario::{Scene, draw_start, robot_truth};
+use crate::scenario::Scene;
 use crate::survey::survey;
-use crate::tour::Tour;
+use crate::toured_scene::tour_of;
 
 /// Lets `robot` look at all of `scene` from a drawn start, with its own odometry, mapping and segmented pictures. Where it will stand the
 /// next time it has to find out by itself.
@@ -22,12 +20,7 @@ pub fn survey_of(robot: &RobotModel, scene: &Scene, seed: u64, config: &RunConfi
     let seed = seed ^ 0x006B_6E6F_776E;
     let mut config = config.clone();
     config.simulation.crowd = CrowdConfig::default();
-    let body = robot_truth(robot, config.mission.flight_height_m);
-    let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
-    let start = draw_start(&referee, robot, seed)?;
-    let at = Point2::from(start.translation.vector.xy());
-    let tour = Tour::plan(referee.floor(), &scene.building, body.radius_m, &at)
-        .context("this robot cannot get round the building")?;
+    let (start, tour) = tour_of(scene, robot, &config, seed).context("this robot cannot get round the building")?;
     let floor_z_m = start.translation.vector.z - robot.stance_height_m;
     let world = survey(&config, robot, scene, &start, &tour, floor_z_m, seed, &mut |_, _| {})
         .with_context(|| format!("surveying scene {}", scene.name))?

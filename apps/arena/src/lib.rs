@@ -23,6 +23,7 @@ pub mod people;
 pub mod pilot;
 pub mod progress;
 pub mod px4_vehicle;
+pub mod quantile;
 pub mod real_time;
 pub mod record;
 pub mod record_topics;

@@ -70,9 +70,4 @@ impl People {
             }
         }
     }
-
-    /// Where they are.
-    pub fn places(&self) -> impl Iterator<Item = Point2<f64>> {
-        self.crowd.people().iter().map(|person| person.at)
-    }
 }

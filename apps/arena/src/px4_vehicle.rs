@@ -10,18 +10,18 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use mission::mission::Mission;
 use mission::omni_perception::Stamp;
-use mission::px4::{Px4Config, Px4Link, VehiclePose};
+use mission::px4::{Px4Config, Px4Link};
 use mission::robot_link::mavlink::signing::SigningKey;
 use mission::robot_link::mavlink::stream::StreamConfig;
 use mission::robot_link::mavlink::{Phase, SessionConfig};
 use mission::robot_model::{RobotKind, RobotModel};
 use mission::stream::Command;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 use omni_sim::towed::ToldPose;
 
 use crate::options::Px4Options;
 use crate::real_time::RealTime;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Anchor, Vehicle};
 
 /// What a flight keeps from obstacles for an autopilot's tracking: the model of PX4's cascade is off by 3 cm (RMSE).
 pub const TRACKING_MARGIN_M: f64 = 0.05;
@@ -38,7 +38,7 @@ const HEADROOM: f64 = 1.3;
 /// The autopilot, and where its local world lies in the building.
 pub struct Px4Vehicle {
     link: Px4Link,
-    truth_from_local: Isometry3<f64>,
+    anchor: Anchor,
     time: RealTime,
     /// How often the robot's odometry had begun anew when its set-points were first followed.
     resets: Option<u64>,
@@ -74,25 +74,14 @@ impl Px4Vehicle {
         let session = SessionConfig { system_id: options.system_id, stream, ..SessionConfig::default() };
         let link = Px4Link::open(&Px4Config { address, session, key: key.transpose()? })?;
         let standing = link.wait_until_ready(READY, stop)?;
-        let yaw = |pose: &Isometry3<f64>| pose.rotation.euler_angles().2;
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw(start) - yaw(&standing.world_from_body));
-        let shift = start.translation.vector - turn * standing.world_from_body.translation.vector;
         let last = ToldPose::resting_at(*start);
         Ok(Some(Px4Vehicle {
             link,
-            truth_from_local: Isometry3::from_parts(shift.into(), turn),
+            anchor: Anchor::new(start, &standing.world_from_body),
             time: RealTime::default(),
             resets: None,
             last,
         }))
-    }
-
-    fn in_the_building(&self, pose: &VehiclePose) -> ToldPose {
-        ToldPose {
-            world_from_body: self.truth_from_local * pose.world_from_body,
-            velocity_world: self.truth_from_local * pose.velocity_in_world_mps,
-            angular_velocity_body: pose.angular_velocity_in_body_radps,
-        }
     }
 }
 
@@ -100,7 +89,7 @@ impl Vehicle for Px4Vehicle {
     fn pose_when_due(&mut self, stamp: Stamp) -> ToldPose {
         let at_ns = self.time.wait_for(stamp, || self.link.now_ns());
         if let Some(pose) = self.link.pose_at(at_ns) {
-            self.last = self.in_the_building(&pose);
+            self.last = self.anchor.in_the_building(&pose);
         }
         self.last
     }

@@ -98,7 +98,7 @@ fn figures(page: &mut String, summary: &Summary) {
                 summary.decisions, summary.prompt_tokens, summary.answer_tokens
             ),
         ),
-        ("collisions", summary.collisions.to_string()),
+        ("collisions", collisions(summary)),
         ("least clearance", clearance),
         ("known at the end", format!("{} rooms, {} objects", summary.rooms_found, summary.objects_found)),
     ];
@@ -107,6 +107,14 @@ fn figures(page: &mut String, summary: &Summary) {
         let _ = write!(page, "<div><span>{name}</span><b>{}</b></div>", escape(&value));
     }
     page.push_str("</section>\n");
+}
+
+/// With the contacts with people, where there were any.
+fn collisions(summary: &Summary) -> String {
+    match summary.contacts_with_people {
+        0 => summary.collisions.to_string(),
+        contacts => format!("{}, and {contacts} with people", summary.collisions),
+    }
 }
 
 fn one_decision(page: &mut String, decision: &DecisionEntry) {

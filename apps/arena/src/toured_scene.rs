@@ -34,17 +34,22 @@ impl TouredScene {
         make: &dyn Fn(u64) -> Result<Scene>,
     ) -> Result<TouredScene> {
         const BUILDINGS: usize = 30;
-        let body = robot_truth(robot, config.mission.flight_height_m);
         for _ in 0..BUILDINGS {
             let scene = make(rng.random::<u32>().into())?;
             let run_seed = rng.random::<u32>().into();
-            let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
-            let Ok(start) = draw_start(&referee, robot, run_seed) else { continue };
-            let at = Point2::from(start.translation.vector.xy());
-            let Some(tour) = Tour::plan(referee.floor(), &scene.building, body.radius_m, &at) else { continue };
-            drop(referee);
-            return Ok(TouredScene { scene, start, tour, run_seed });
+            if let Some((start, tour)) = tour_of(&scene, robot, config, run_seed) {
+                return Ok(TouredScene { scene, start, tour, run_seed });
+            }
         }
         bail!("this robot fits into none of {BUILDINGS} buildings")
     }
+}
+
+/// A start drawn with `seed`, and a tour of all rooms from there; `None` where the robot does not fit or cannot get round.
+pub fn tour_of(scene: &Scene, robot: &RobotModel, config: &RunConfig, seed: u64) -> Option<(Isometry3<f64>, Tour)> {
+    let body = robot_truth(robot, config.mission.flight_height_m);
+    let referee = Referee::new(&scene.building, &scene.world, body.clone(), 0);
+    let start = draw_start(&referee, robot, seed).ok()?;
+    let at = Point2::from(start.translation.vector.xy());
+    Some((start, Tour::plan(referee.floor(), &scene.building, body.radius_m, &at)?))
 }

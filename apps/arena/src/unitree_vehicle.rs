@@ -10,18 +10,17 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use mission::mission::Mission;
 use mission::omni_perception::Stamp;
-use mission::px4::VehiclePose;
 use mission::robot_link::unitree::session::Limits;
 use mission::robot_link::unitree::{Phase, SessionConfig, Velocity};
 use mission::robot_model::{RobotKind, RobotModel};
 use mission::stream::Command;
 use mission::unitree::{UnitreeConfig, UnitreeError, UnitreeLink};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 use omni_sim::towed::ToldPose;
 
 use crate::options::UnitreeOptions;
 use crate::real_time::RealTime;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Anchor, Vehicle};
 
 /// A robot must be found within this.
 const READY: Duration = Duration::from_secs(10);
@@ -33,7 +32,7 @@ const STANDING_SHARE: f64 = 0.6;
 /// The robot, and where the world of its odometry lies in the building.
 pub struct UnitreeVehicle {
     link: UnitreeLink,
-    truth_from_odometry: Isometry3<f64>,
+    anchor: Anchor,
     time: RealTime,
     last: ToldPose,
 }
@@ -67,23 +66,12 @@ impl UnitreeVehicle {
         let Some(standing) = link.pose_at(link.now_ns()) else {
             return Err(UnitreeError::NoState { interface, bad: 0 }.into());
         };
-        let yaw = |pose: &Isometry3<f64>| pose.rotation.euler_angles().2;
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw(start) - yaw(&standing.world_from_body));
-        let shift = start.translation.vector - turn * standing.world_from_body.translation.vector;
         Ok(Some(UnitreeVehicle {
             link,
-            truth_from_odometry: Isometry3::from_parts(shift.into(), turn),
+            anchor: Anchor::new(start, &standing.world_from_body),
             time: RealTime::default(),
             last: ToldPose::resting_at(*start),
         }))
-    }
-
-    fn in_the_building(&self, pose: &VehiclePose) -> ToldPose {
-        ToldPose {
-            world_from_body: self.truth_from_odometry * pose.world_from_body,
-            velocity_world: self.truth_from_odometry * pose.velocity_in_world_mps,
-            angular_velocity_body: pose.angular_velocity_in_body_radps,
-        }
     }
 }
 
@@ -91,7 +79,7 @@ impl Vehicle for UnitreeVehicle {
     fn pose_when_due(&mut self, stamp: Stamp) -> ToldPose {
         let at_ns = self.time.wait_for(stamp, || self.link.now_ns());
         if let Some(pose) = self.link.pose_at(at_ns) {
-            self.last = self.in_the_building(&pose);
+            self.last = self.anchor.in_the_building(&pose);
         }
         self.last
     }

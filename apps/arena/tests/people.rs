@@ -25,8 +25,11 @@ fn nobody_is_run_into_and_walkers_are_nodes_of_the_graph() {
         assert!(summary.path_m > 1.0, "it stands still for fear: {} m", summary.path_m);
         // Nobody became furniture: no thing that stands was made of people.
         assert!(people.iter().all(|person| !person.trajectory.is_empty()));
-        // The same seeds give the same people.
-        let again = short_run(&config, RobotKind::Ground, &flat, "find the mug near the sink", 3);
-        assert_eq!(again.truth.poses, result.truth.poses);
+        assert!(people.len() <= 8, "{} people are known, and five there are: nobody is forgotten", people.len());
     }
+    // The same seeds give the same people.
+    let mut config = coarse(6.0);
+    config.simulation.crowd.people = 5;
+    let run = || short_run(&config, RobotKind::Ground, &flat, "find the mug near the sink", 3).truth.poses;
+    assert_eq!(run(), run());
 }

@@ -11,7 +11,7 @@ use planner::Mover;
 /// Not seen for longer, nobody knows where it is: as long as a prediction counts ([`planner::AirConfig::prediction_s`]).
 const BELIEVED_S: f64 = 3.0;
 /// What is not known about a velocity (m/s): two middles half a second apart, each off by up to 8 cm.
-const VELOCITY_ERROR_MPS: f64 = 0.3;
+pub(crate) const VELOCITY_ERROR_MPS: f64 = 0.3;
 /// A thing is seen from one side at a time, so it may reach beyond its box (m).
 const UNSEEN_SIDE_M: f64 = 0.1;
 /// Most balls for one mover.

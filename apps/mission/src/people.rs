@@ -7,10 +7,10 @@ use omni_perception::{MoverTrack, MoverTracker, ObjectObservation, Stamp};
 use planner::GroundMover;
 use volumetric_map::DistanceField;
 
+use crate::movers::VELOCITY_ERROR_MPS;
+
 /// Kinds of things that move by themselves.
 const KINDS: [&str; 3] = ["person", "dog", "cat"];
-/// What is not known about a walker's velocity.
-const GROWTH_MPS: f64 = 0.3;
 
 /// Whether a thing of this label moves by itself.
 pub fn moves_by_itself(label: &str) -> bool {
@@ -60,12 +60,12 @@ impl People {
             position: track.position_at(stamp),
             velocity_mps: track.velocity_mps,
             radius_m: track.radius_m,
-            growth_mps: GROWTH_MPS,
+            growth_mps: VELOCITY_ERROR_MPS,
         };
         self.tracker.movers().map(mover).collect()
     }
 
-    /// Those who have a name go into the graph, with what is theirs in time and place.
+    /// Those who have a name go into the graph, with what is theirs in time and place; who was long unseen is forgotten.
     ///
     /// # Errors
     /// What the graph refuses; it stays as it was.
@@ -82,7 +82,9 @@ impl People {
             })
         };
         let seen: Vec<MoverEvidence> = self.tracker.movers().filter_map(evidence).collect();
-        dsg::observe_movers(graph, &seen, &dsg::MoverConfig::default()).map(|_| ())
+        let config = dsg::MoverConfig::default();
+        dsg::forget_movers(graph, stamp.0, &config)?;
+        dsg::observe_movers(graph, &seen, &config).map(|_| ())
     }
 }
 

@@ -19,7 +19,7 @@ use crate::bench_page::{Page, ReportOptions};
 use crate::bench_tokens::roomy;
 use crate::local_model;
 use crate::nine_scenes::{agent, classes_of, in_situation, nine_scene};
-use crate::quantile::quantile;
+use arena::quantile::quantile;
 
 /// The paper's time of a decision with the flat list and with its hierarchical prompt, seconds.
 const PAPER_S: [f64; 2] = [12.4, 3.8];

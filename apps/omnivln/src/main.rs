@@ -21,7 +21,6 @@ mod plan_air;
 mod plan_ground;
 mod problem_file;
 mod prompt_reader;
-mod quantile;
 mod record;
 mod recording_args;
 mod refer;

@@ -14,8 +14,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::memory::peak_rss_mib;
-use crate::quantile::quantile;
 use crate::recording_args::RecordingArgs;
+use arena::quantile::quantile;
 
 /// Options of `odometry`.
 #[derive(Debug, Args)]

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use crate::bench_page::ReportOptions;
 use crate::json_lines::{read_lines, write_lines};
-use crate::quantile::quantile;
+use arena::quantile::quantile;
 
 /// Options of `refer`.
 #[derive(Debug, Args)]

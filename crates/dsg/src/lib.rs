@@ -138,7 +138,7 @@ pub use invariants::InvariantError;
 pub use labels::label_similarity;
 pub use load::{JsonPath, LoadError};
 pub use mesh::Mesh;
-pub use movers::{MoverConfig, MoverEvidence, observe_movers, velocity_m_s};
+pub use movers::{MoverConfig, MoverEvidence, forget_movers, observe_movers, velocity_m_s};
 pub use object::Object;
 pub use observe::{AssociationConfig, AssociationReport, ObjectEvidence, observe_objects};
 pub use op::{Change, ConfigError, Event, LoggedEvent, Op, OpError};

@@ -135,6 +135,25 @@ pub fn observe_movers(
     Ok(shown)
 }
 
+/// Takes out of the graph whoever was last seen so long before `now_ns` that nobody could know him again ([`MoverConfig::forget_s`]); returns
+/// how many those were. Where they had been is in the log of operations.
+///
+/// # Errors
+/// A bad configuration.
+pub fn forget_movers(graph: &mut SceneGraph, now_ns: i64, config: &MoverConfig) -> Result<usize, OpError> {
+    config.validate()?;
+    let is_gone = |object: &&Object| {
+        let last = object.trajectory.last();
+        last.is_some_and(|last| now_ns.saturating_sub(last.stamp_ns) as f64 * 1e-9 > config.forget_s)
+    };
+    let gone: Vec<Op> = graph.objects().filter(is_gone).map(|object| Op::RemoveObject(object.id)).collect();
+    let count = gone.len();
+    if count > 0 {
+        graph.apply(Op::Batch(gone))?;
+    }
+    Ok(count)
+}
+
 fn unborn(id: ObjectId, view: &MoverEvidence) -> Object {
     Object {
         votes: BTreeMap::new(),

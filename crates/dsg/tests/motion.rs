@@ -4,7 +4,7 @@ mod support;
 
 use dsg::{
     Aabb, AgentPose, CorrectionError, MoverConfig, MoverEvidence, ObjectId, Op, PoseCorrection, Presence, SceneGraph,
-    correct_poses, observe_movers,
+    correct_poses, forget_movers, observe_movers,
 };
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -158,6 +158,24 @@ fn who_comes_back_has_two_stretches_and_who_cannot_have_walked_there_is_another(
         presence,
         [Presence { first_ns: 0, last_ns: second / 2 }, Presence { first_ns: 12 * second, last_ns: 12 * second }]
     );
+}
+
+#[test]
+fn who_was_not_seen_for_so_long_that_nobody_would_know_him_is_forgotten_and_nothing_else_is() {
+    let config = MoverConfig::default();
+    let mut graph = SceneGraph::new();
+    let chair = dsg::Object::new(ObjectId(0), "chair", Aabb::from_center(Point3::origin(), Vector3::repeat(0.5)));
+    graph.apply(Op::PutObject(Box::new(chair))).unwrap();
+    observe_movers(&mut graph, &[person(0.0, [0.0, 0.0], None)], &config).unwrap();
+    observe_movers(&mut graph, &[person(10.0, [50.0, 0.0], None)], &config).unwrap();
+    let stamp = |seconds: f64| (seconds * 1e9) as i64;
+    assert_eq!(forget_movers(&mut graph, stamp(30.0), &config).unwrap(), 0, "he might come back");
+    assert_eq!(forget_movers(&mut graph, stamp(31.0), &config).unwrap(), 1);
+    assert_eq!(forget_movers(&mut graph, stamp(31.0), &config).unwrap(), 0);
+    assert_eq!(graph.objects().count(), 2, "the chair, and who was seen ten seconds later");
+    assert_eq!(forget_movers(&mut graph, stamp(1000.0), &config).unwrap(), 1);
+    assert_eq!(graph.objects().map(|object| object.label.as_str()).collect::<Vec<_>>(), ["chair"]);
+    graph.check_invariants().unwrap();
 }
 
 #[test]
