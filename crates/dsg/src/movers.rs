@@ -142,9 +142,9 @@ pub fn observe_movers(
 /// A bad configuration.
 pub fn forget_movers(graph: &mut SceneGraph, now_ns: i64, config: &MoverConfig) -> Result<usize, OpError> {
     config.validate()?;
+    let forget_ns = (config.forget_s * 1e9) as i64;
     let is_gone = |object: &&Object| {
-        let last = object.trajectory.last();
-        last.is_some_and(|last| now_ns.saturating_sub(last.stamp_ns) as f64 * 1e-9 > config.forget_s)
+        object.trajectory.last().is_some_and(|last| now_ns.saturating_sub(last.stamp_ns) > forget_ns)
     };
     let gone: Vec<Op> = graph.objects().filter(is_gone).map(|object| Op::RemoveObject(object.id)).collect();
     let count = gone.len();
