@@ -10,6 +10,8 @@ use crate::stream::Command;
 
 /// Standing blocked so long is one failed attempt.
 const PATIENCE_S: f64 = 4.0;
+/// Whoever is this near may be what it waits for.
+const WAITED_FOR_M: f64 = 2.0;
 /// A heading this near is met.
 const TURNED_RAD: f64 = 0.12;
 
@@ -156,6 +158,8 @@ impl Drive {
                 }
                 // As near as what stands there lets it.
                 LocalStatus::Blocked if self.is_about_there(&here) => self.status = GoalStatus::Arrived,
+                // Somebody near is waited for: they go on.
+                LocalStatus::Blocked if movers.iter().any(|mover| (mover.position - here).norm() < WAITED_FOR_M) => {}
                 LocalStatus::Blocked => {
                     self.blocked_s += self.config.period_s;
                     if self.blocked_s > PATIENCE_S {

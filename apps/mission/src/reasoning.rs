@@ -13,7 +13,7 @@ use crate::goal::{Goal, GoalStatus};
 use crate::journal::{DecisionEntry, TraceEntry};
 use crate::mission::{Mission, Outcome};
 use crate::snapshot::Answer;
-use crate::standstill::STUCK_S;
+use crate::standstill::{STUCK_S, Standstill};
 
 /// A question that has been asked.
 pub struct Pending {
@@ -60,6 +60,8 @@ impl Mission {
             }
             GoalStatus::Underway if stood_s > STUCK_S => {
                 self.failed("it stands still on the way");
+                // What comes next has its own time.
+                self.standstill = Standstill::default();
                 self.body.set_goal(Goal::Stay);
                 self.target = Target::None;
                 return true;

@@ -119,6 +119,8 @@ const CELL_M: f64 = 0.15;
 const HISTORY_NS: i64 = 2_000_000_000;
 /// A view further from where a track is expected is not of it.
 const GATE_M: f64 = 0.5;
+/// Share of its velocity that a track keeps from scan to scan while it is not seen.
+const UNSEEN_KEEPS: f64 = 0.85;
 /// Nobody walks faster.
 const MAX_SPEED_MPS: f64 = 3.0;
 
@@ -195,11 +197,33 @@ impl MoverTracker {
         for (body, _) in bodies.iter().zip(&is_taken).filter(|(_, is_taken)| !**is_taken) {
             self.begin(stamp, eye, body);
         }
+        // Who is not seen for a moment has hardly gone on at full speed, or it would be seen: ahead of where it was, or not at all.
+        for track in self.tracks.iter_mut().filter(|track| track.seen != stamp) {
+            track.velocity_mps *= UNSEEN_KEEPS;
+        }
+        self.drop_doubles();
         let config = self.config;
         self.tracks.retain(|track| {
             let memory_s = if track.is_believed { config.memory_s } else { config.memory_s / 3.0 };
             stamp.seconds_since(track.seen) <= memory_s
         });
+    }
+
+    /// Two tracks at one place are one: the one with more views, with the other's name if it has none.
+    fn drop_doubles(&mut self) {
+        const SAME_M: f64 = 0.25;
+        let order = |track: &MoverTrack| (track.is_believed, track.seen, track.views, std::cmp::Reverse(track.id));
+        self.tracks.sort_by_key(|track| std::cmp::Reverse(order(track)));
+        let mut kept: Vec<MoverTrack> = Vec::with_capacity(self.tracks.len());
+        for track in self.tracks.drain(..) {
+            match kept.iter_mut().find(|other| (other.position - track.position).norm() < SAME_M) {
+                Some(other) if other.label.is_none() => (other.label, other.named) = (track.label, track.named),
+                Some(_) => {}
+                None => kept.push(track),
+            }
+        }
+        kept.sort_by_key(|track| track.id);
+        self.tracks = kept;
     }
 
     /// An image of the time `stamp` shows `label` over these points: a track that was there has a name from now on, and where there

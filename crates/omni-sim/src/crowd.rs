@@ -34,6 +34,9 @@ const MAX_ACCEL_MPS2: f64 = 4.0;
 const CARROT_M: f64 = 0.7;
 /// Who gets nowhere for so long turns to something else.
 const PATIENCE_S: f64 = 4.0;
+/// Who is held up by a robot this near for so long lets it pass: goes away from it, and stays there for a while.
+const HELD_UP_M: f64 = 1.5;
+const COURTESY_S: f64 = 1.5;
 /// An errand ends this near to its place.
 const ARRIVED_M: f64 = 0.3;
 
@@ -176,7 +179,7 @@ impl Crowd {
     pub fn step(&mut self, robot: Option<&RobotDisc>) -> Vec<nalgebra::Isometry3<f64>> {
         let dt_s = STEP_NS as f64 * 1e-9;
         for index in 0..self.people.len() {
-            self.decide(index, dt_s);
+            self.decide(index, robot, dt_s);
         }
         // All decide by where the others were.
         let pushes: Vec<Vector2<f64>> = (0..self.people.len()).map(|index| self.push_on(index, robot)).collect();
@@ -193,8 +196,10 @@ impl Crowd {
     }
 
     /// A new errand when the old one is over, or goes nowhere.
-    fn decide(&mut self, index: usize, dt_s: f64) {
+    fn decide(&mut self, index: usize, robot: Option<&RobotDisc>, dt_s: f64) {
+        let heeded = robot.filter(|_| self.config.heeds_robot);
         let person = &mut self.people[index];
+        let before = heeded.filter(|robot| (robot.at - person.at).norm() < robot.radius_m + HELD_UP_M);
         let is_over = match &mut person.errand {
             Errand::Staying { left_s } => {
                 *left_s -= dt_s;
@@ -209,10 +214,13 @@ impl Crowd {
                     person.errand = Errand::Staying { left_s: key.with(person.errands).between(1.0, 8.0) };
                     return;
                 }
-                *stuck_s > PATIENCE_S
+                *stuck_s > if before.is_some() { COURTESY_S } else { PATIENCE_S }
             }
         };
-        if is_over {
+        let is_held_up = is_over && matches!(person.errand, Errand::Walking { .. });
+        if let Some(robot) = before.filter(|_| is_held_up) {
+            self.let_pass(index, robot);
+        } else if is_over {
             let (instance, errands, at) = (person.instance, person.errands, person.at);
             let key = NoiseKey::new(self.config.seed).with_text("errand").with(u64::from(instance)).with(errands);
             self.people[index].errands += 1;
@@ -222,6 +230,27 @@ impl Crowd {
                 _ => Errand::Walking { way, stuck_s: 0.0 },
             };
         }
+    }
+
+    /// Walks to somewhere that is no nearer to the robot than it is now; where nothing is, it stays.
+    fn let_pass(&mut self, index: usize, robot: &RobotDisc) {
+        const TRIES: u64 = 12;
+        let me = &self.people[index];
+        let (instance, errands, at) = (me.instance, me.errands, me.at);
+        let key = NoiseKey::new(self.config.seed).with_text("let pass").with(u64::from(instance)).with(errands);
+        let away = at - robot.at;
+        let goal = (0..TRIES).filter_map(|attempt| self.drawn_place(key.with(attempt))).find(|place| {
+            let step = place - at;
+            step.norm() > 2.0 * PERSON_RADIUS_M && step.dot(&away) > 0.5 * step.norm() * away.norm()
+        });
+        let way = goal.map(|goal| self.way(&at, &goal)).unwrap_or_default();
+        let is_away = way.iter().all(|p| (p - robot.at).norm() >= away.norm() - PERSON_RADIUS_M);
+        let me = &mut self.people[index];
+        me.errands += 1;
+        me.errand = match way.len() {
+            2.. if is_away => Errand::Walking { way, stuck_s: 0.0 },
+            _ => Errand::Staying { left_s: key.with_text("stay").between(2.0, 5.0) },
+        };
     }
 
     /// A way for a person's circle that keeps a little off the walls; empty if there is none.
