@@ -16,6 +16,7 @@ pub mod estimate_frame;
 pub mod flight_options;
 pub mod known_building;
 pub mod lab_survey;
+pub mod legs;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
