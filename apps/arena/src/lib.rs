@@ -42,6 +42,7 @@ pub mod survey;
 pub mod task;
 pub mod tour;
 pub mod toured_scene;
+pub mod trot;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
 pub mod vehicle;

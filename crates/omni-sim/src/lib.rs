@@ -67,6 +67,7 @@
 //! - J. Warnock, A hidden surface algorithm for computer generated halftone pictures, 1969.
 //! - G. Steele, D. Lea, C. Flood, Fast splittable pseudorandom number generators, 2014.
 
+pub mod articulated;
 pub mod building;
 pub mod bvh;
 pub mod caption;
