@@ -41,7 +41,7 @@ impl Legs {
             world_from_body: base.world_from_body,
             velocity_in_world_mps: Vector2::new(velocity.x, velocity.y),
             yaw_rate_radps: (base.world_from_body.rotation * base.angular_velocity_body).z,
-            wanted_velocity_in_world_mps: wanted,
+            excess_velocity_in_world_mps: velocity - wanted,
         };
         self.gait.step(tick_s, &motion).context("moving the legs")?;
         self.worst_miss_m = self.worst_miss_m.max(self.gait.missed_by_m());

@@ -2,11 +2,11 @@
 //!
 //! The same [`Gait`] that draws the legs of a mission's robot plans here for a body that could fall. It plans for an ideal base,
 //! which goes as commanded and leans against a tilt; motors with the URDF's torques pull the legs after the plan; and Raibert's rule
-//! is given the velocity that the body truly has, so a push is answered with the next foothold:
+//! is told how much faster the body truly is than it is to be, so a push is answered with the next foothold:
 //!
 //! ```text
 //! ideal base    p' = v_wanted,   yaw' = w_wanted + a (yaw_wanted - yaw),   roll, pitch = -b (tilt measured)
-//! foothold      n(t_down + T_stance / 2) along v measured, + k (v - v_wanted)
+//! foothold      n(t_down + T_stance / 2) of the ideal base, + k (v measured - v_wanted)
 //! torque        clamp(k_p (q_plan - q) + k_d (q_plan' - q'), effort of the URDF)
 //! ```
 //!
@@ -155,9 +155,9 @@ pub fn trot(robot: &RobotModel, config: &TrotConfig) -> Result<TrotReport> {
         let at = Translation3::new(ideal_at.x, ideal_at.y, robot.stance_height_m);
         let motion = BaseMotion {
             world_from_body: Isometry3::from_parts(at, lean),
-            velocity_in_world_mps: if is_walking { velocity } else { Vector2::zeros() },
+            velocity_in_world_mps: wanted,
             yaw_rate_radps: yaw_rate,
-            wanted_velocity_in_world_mps: if is_walking { wanted } else { Vector2::zeros() },
+            excess_velocity_in_world_mps: velocity - wanted,
         };
         let stood: Vec<bool> = gait.feet().iter().map(|foot| foot.is_standing).collect();
         if is_walking {

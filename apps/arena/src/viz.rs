@@ -468,7 +468,8 @@ mod tests {
     fn a_recording_holds_the_map_and_one_body_pose_for_each_sample() {
         let robot = RobotModel::builtin_quadruped();
         let scene = Scene::open("flat", &robot).unwrap();
-        let config = RunConfig { max_time_s: 2.0, ..RunConfig::default() };
+        // The first second shows how the walls run; only then is there a place in the map.
+        let config = RunConfig { max_time_s: 4.0, ..RunConfig::default() };
         let task = Task::read("find the mug near the sink", &scene.building).unwrap();
         let truth = robot_truth(&robot, config.mission.flight_height_m);
         let start = draw_start(&Referee::new(&scene.building, &scene.world, truth, 0), &robot, 0).unwrap();

@@ -25,7 +25,11 @@ fn official(file: &str) -> Option<RobotModel> {
 /// Same building, sentence, seed and start; only the file of the robot differs.
 #[test]
 fn route_clearance_and_speed_change_with_the_robot() {
-    let files = ["go2_description/urdf/go2_description.urdf", "go1_description/urdf/go1.urdf", "b2_description/urdf/b2_description.urdf"];
+    let files = [
+        "go2_description/urdf/go2_description.urdf",
+        "go1_description/urdf/go1.urdf",
+        "b2_description/urdf/b2_description.urdf",
+    ];
     let Some(robots) = files.into_iter().map(official).collect::<Option<Vec<_>>>() else { return };
     let flat = scene("flat");
     let config = coarse(14.0);
@@ -49,7 +53,10 @@ fn route_clearance_and_speed_change_with_the_robot() {
     };
     for (robot, run) in robots.iter().zip(&runs) {
         let (top, limit) = (top_mps(run), robot.limits.max_speed_mps);
-        eprintln!("{:16} {:.2} m, at most {top:.2} of {limit} m/s, clearance {:?} m", robot.name, run.summary.path_m, run.summary.min_clearance_m);
+        eprintln!(
+            "{:16} {:.2} m, at most {top:.2} of {limit} m/s, clearance {:?} m",
+            robot.name, run.summary.path_m, run.summary.min_clearance_m
+        );
         assert!(run.summary.path_m > 1.5, "{} went {} m", robot.name, run.summary.path_m);
         assert!(top <= 1.02 * limit, "{}: {top} m/s of {limit}", robot.name);
         assert_eq!(run.summary.collisions, 0, "{}", robot.name);
@@ -64,7 +71,12 @@ fn route_clearance_and_speed_change_with_the_robot() {
         let change = |x: f64, y: f64| (x - y).abs();
         assert!(change(top_mps(a), top_mps(b)) > 0.05, "{} and {} are as fast", robots[i].name, robots[j].name);
         let clearances = a.summary.min_clearance_m.zip(b.summary.min_clearance_m);
-        assert!(clearances.is_some_and(|(x, y)| change(x, y) > 1e-3), "{} and {}: {clearances:?}", robots[i].name, robots[j].name);
+        assert!(
+            clearances.is_some_and(|(x, y)| change(x, y) > 1e-3),
+            "{} and {}: {clearances:?}",
+            robots[i].name,
+            robots[j].name
+        );
     }
     // And the large one takes no narrower way than the small ones could.
     assert!(robots[2].circumscribed_radius_m > robots[0].circumscribed_radius_m + 0.1);
@@ -86,18 +98,45 @@ fn a_broken_robot_is_refused_with_file_and_element() {
     };
     let mesh = "<mesh filename=\"package://nowhere/trunk.stl\"/>";
     check("cut", urdf[..urdf.len() / 2].to_owned(), "URDF line");
-    check("mesh", urdf.replacen("<box size=\"0.3762 0.0935 0.114\"/>", mesh, 2), "link `trunk`: collision mesh `package://nowhere/trunk.stl` was not found");
+    check(
+        "mesh",
+        urdf.replacen("<box size=\"0.3762 0.0935 0.114\"/>", mesh, 2),
+        "link `trunk`: collision mesh `package://nowhere/trunk.stl` was not found",
+    );
     let masses = |value: &str| {
-        urdf.split("<mass value=\"").enumerate().map(|(k, part)| match part.split_once('"') {
-            Some((_, rest)) if k > 0 => format!("<mass value=\"{value}\"{rest}"),
-            _ => part.to_owned(),
-        }).collect::<String>()
+        urdf.split("<mass value=\"")
+            .enumerate()
+            .map(|(k, part)| match part.split_once('"') {
+                Some((_, rest)) if k > 0 => format!("<mass value=\"{value}\"{rest}"),
+                _ => part.to_owned(),
+            })
+            .collect::<String>()
     };
     check("weightless", masses("0"), "the robot has no mass");
     check("negative_mass", masses("-1"), "link `trunk`: <inertial> has a negative mass");
-    check("negative_inertia", urdf.replacen("ixx=\"", "ixx=\"-", 1), "link `trunk`: <inertial> has a negative principal moment of inertia");
+    check(
+        "negative_inertia",
+        urdf.replacen("ixx=\"", "ixx=\"-", 1),
+        "link `trunk`: <inertial> has a negative principal moment of inertia",
+    );
     let calf = "<parent link=\"FL_thigh\"/><child link=\"FL_calf\"/>";
-    check("loop", urdf.replacen("<parent link=\"trunk\"/><child link=\"FL_hip\"/>", "<parent link=\"FL_calf\"/><child link=\"FL_hip\"/>", 1), "cycle through link `FL_");
-    check("two_parents", urdf.replacen(calf, "<parent link=\"FL_thigh\"/><child link=\"FL_hip\"/>", 1), "link `FL_hip` has two parents");
-    check("nobody", urdf.replacen(calf, "<parent link=\"FL_thigh\"/><child link=\"FL_shin\"/>", 1), "joint `FL_calf_joint` names the link `FL_shin`, which does not exist");
+    check(
+        "loop",
+        urdf.replacen(
+            "<parent link=\"trunk\"/><child link=\"FL_hip\"/>",
+            "<parent link=\"FL_calf\"/><child link=\"FL_hip\"/>",
+            1,
+        ),
+        "cycle through link `FL_",
+    );
+    check(
+        "two_parents",
+        urdf.replacen(calf, "<parent link=\"FL_thigh\"/><child link=\"FL_hip\"/>", 1),
+        "link `FL_hip` has two parents",
+    );
+    check(
+        "nobody",
+        urdf.replacen(calf, "<parent link=\"FL_thigh\"/><child link=\"FL_shin\"/>", 1),
+        "joint `FL_calf_joint` names the link `FL_shin`, which does not exist",
+    );
 }

@@ -114,6 +114,7 @@ pub use ground::{
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
     polygon_map::{NoWay, PolygonError, PolygonMap, PolygonRoute},
+    raster::Raster,
     traffic::GroundMover,
     visibility::{Route, VisibilityGraph},
 };

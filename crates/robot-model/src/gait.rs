@@ -65,8 +65,17 @@ pub struct BaseMotion {
     pub velocity_in_world_mps: Vector2<f64>,
     /// Turning to the left about the vertical.
     pub yaw_rate_radps: f64,
-    /// The velocity that the body is about to take, in the world.
-    pub wanted_velocity_in_world_mps: Vector2<f64>,
+    /// By how much the body is faster than it is to be, in the world: `v - v_wanted`, m/s.
+    pub excess_velocity_in_world_mps: Vector2<f64>,
+}
+
+impl BaseMotion {
+    /// Of a base that stands.
+    pub fn resting_at(world_from_body: Isometry3<f64>) -> Self {
+        let zero = Vector2::zeros();
+        let excess_velocity_in_world_mps = zero;
+        BaseMotion { world_from_body, velocity_in_world_mps: zero, yaw_rate_radps: 0.0, excess_velocity_in_world_mps }
+    }
 }
 
 /// Why there is no gait, or no next step of it.
@@ -207,7 +216,7 @@ impl Gait {
     /// [`GaitError::NotFinite`] and [`GaitError::Step`]; then nothing has changed.
     pub fn step(&mut self, dt_s: f64, base: &BaseMotion) -> Result<(), GaitError> {
         let numbers = [base.yaw_rate_radps].into_iter();
-        let velocities = base.velocity_in_world_mps.iter().chain(base.wanted_velocity_in_world_mps.iter()).copied();
+        let velocities = base.velocity_in_world_mps.iter().chain(base.excess_velocity_in_world_mps.iter()).copied();
         if !is_finite(&base.world_from_body) || !numbers.chain(velocities).all(f64::is_finite) {
             return Err(GaitError::NotFinite);
         }
@@ -382,7 +391,7 @@ pub fn foothold(base: &BaseMotion, neutral_in_body: &Point3<f64>, ahead_s: f64, 
     let shrink = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
     let way = rotated(velocity, half) * (shrink * ahead_s);
     let there = below(&base.world_from_body, neutral_in_body) - base.world_from_body.translation.vector.xy();
-    let feedback = (velocity - base.wanted_velocity_in_world_mps) * feedback_s;
+    let feedback = base.excess_velocity_in_world_mps * feedback_s;
     Point2::from(base.world_from_body.translation.vector.xy() + way + rotated(there.coords, turn) + feedback)
 }
 

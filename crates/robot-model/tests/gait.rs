@@ -69,7 +69,7 @@ impl<'a> Base<'a> {
             world_from_body: self.pose(),
             velocity_in_world_mps: turned(self.velocity, self.at[2]),
             yaw_rate_radps: self.velocity[2],
-            wanted_velocity_in_world_mps: turned(wanted, self.at[2]),
+            excess_velocity_in_world_mps: turned(self.velocity, self.at[2]) - turned(wanted, self.at[2]),
         }
     }
 }
@@ -260,7 +260,7 @@ proptest! {
         for ([x, y, z, turn], steps) in jumps {
             let world_from_body = Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(turn, -turn, turn));
             let velocity = Vector2::new(10.0 * y, 10.0 * x);
-            let base = BaseMotion { world_from_body, velocity_in_world_mps: velocity, yaw_rate_radps: 10.0 * turn, wanted_velocity_in_world_mps: -velocity };
+            let base = BaseMotion { world_from_body, velocity_in_world_mps: velocity, yaw_rate_radps: 10.0 * turn, excess_velocity_in_world_mps: velocity };
             for _ in 0..steps {
                 gait.step(DT_S, &base).expect("a finite step");
                 check_limits(robot, gait.angles())?;
@@ -301,7 +301,7 @@ fn a_foothold_is_half_a_stance_ahead() {
         world_from_body: Isometry3::translation(2.0, 1.0, 0.3),
         velocity_in_world_mps: Vector2::new(1.0, 0.0),
         yaw_rate_radps: 0.0,
-        wanted_velocity_in_world_mps: Vector2::new(0.5, 0.0),
+        excess_velocity_in_world_mps: Vector2::new(0.5, 0.0),
     };
     let neutral = Point3::new(0.2, 0.1, -0.3);
     let at = foothold(&base, &neutral, 0.35, 0.0);
@@ -312,7 +312,7 @@ fn a_foothold_is_half_a_stance_ahead() {
     // A quarter turn on the spot takes the place from ahead to the left.
     let turning = BaseMotion {
         velocity_in_world_mps: Vector2::zeros(),
-        wanted_velocity_in_world_mps: Vector2::zeros(),
+        excess_velocity_in_world_mps: Vector2::zeros(),
         yaw_rate_radps: std::f64::consts::FRAC_PI_2,
         ..base
     };
@@ -342,7 +342,7 @@ fn bad_input_is_refused_and_changes_nothing() {
         world_from_body: start,
         velocity_in_world_mps: velocity,
         yaw_rate_radps: 0.0,
-        wanted_velocity_in_world_mps: velocity,
+        excess_velocity_in_world_mps: velocity,
     };
     assert_eq!(gait.step(DT_S, &BaseMotion { yaw_rate_radps: f64::NAN, ..base }), Err(GaitError::NotFinite));
     assert_eq!(gait.step(0.1, &base), Err(GaitError::Step { dt_s: 0.1 }));

@@ -185,7 +185,8 @@ fn official_files_with_repeated_materials_are_read() {
         let alone = urdf_rs::read_from_string(&text).map(|_| ()).map_err(|error| error.to_string());
         assert!(alone.as_ref().is_err_and(|error| error.contains("material")), "{robot}: {alone:?}");
         let wheel = drum();
-        let (name, tree) = robot_model::urdf::read(&text.replace(".dae", ".stl"), &|_| Some(wheel.clone())).expect("readable");
+        let (name, tree) =
+            robot_model::urdf::read(&text.replace(".dae", ".stl"), &|_| Some(wheel.clone())).expect("readable");
         assert_eq!(name, format!("{robot}_description"));
         // Each link and joint of the file is there.
         assert_eq!(tree.links().len(), text.matches("<link name=").count(), "{robot}");
@@ -200,7 +201,14 @@ fn drum() -> Vec<u8> {
         format!("vertex {} {y} {}\n", 0.086 * cos, 0.086 * sin)
     };
     let facets: String = (0..16)
-        .map(|k| format!("facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n", corner(k, -0.02), corner(k, 0.02), corner(k + 1, 0.02)))
+        .map(|k| {
+            format!(
+                "facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n",
+                corner(k, -0.02),
+                corner(k, 0.02),
+                corner(k + 1, 0.02)
+            )
+        })
         .collect();
     format!("solid drum\n{facets}endsolid drum\n").into_bytes()
 }
@@ -209,10 +217,12 @@ fn drum() -> Vec<u8> {
 #[test]
 fn the_go2w_stands_on_wheels_that_roll() {
     let Some(folder) = data() else { return };
-    let text = std::fs::read_to_string(folder.join("unitree_ros/go2w_description/urdf/go2w_description.urdf")).expect("a URDF");
+    let text = std::fs::read_to_string(folder.join("unitree_ros/go2w_description/urdf/go2w_description.urdf"))
+        .expect("a URDF");
     let toml = builtin_toml("go2w_description").expect("a TOML ships");
     let wheel = drum();
-    let robot = RobotModel::parse(&text.replace(".dae", ".stl"), toml, &|_| Some(wheel.clone())).expect("a sound robot");
+    let robot =
+        RobotModel::parse(&text.replace(".dae", ".stl"), toml, &|_| Some(wheel.clone())).expect("a sound robot");
     let hub_m = robot.stance_height_m + robot.frames["FL_foot"].translation.z;
     assert!((hub_m - 0.086).abs() < 1e-3, "{hub_m}");
     let at = |x: f64| nalgebra::Isometry3::translation(x, 0.0, robot.stance_height_m);
