@@ -47,8 +47,9 @@ impl Default for TrotConfig {
             distance_m: 5.0,
             max_time_s: 30.0,
             dt_s: 0.002,
-            gait: GaitConfig { stride_hz: 2.5, lift_m: 0.06, ..GaitConfig::default() },
-            gains: MotorGains { stiffness_nm_per_rad: 100.0, damping_nms_per_rad: 2.5 },
+            gait: GaitConfig { lift_m: 0.08, ..GaitConfig::default() },
+            // So stiff that a leg under load sags by a few millimetres: nothing here knows the weight beforehand.
+            gains: MotorGains { stiffness_nm_per_rad: 400.0, damping_nms_per_rad: 8.0 },
             push_mps: 0.0,
         }
     }
