@@ -33,7 +33,7 @@ pub struct TrotConfig {
     pub dt_s: f64,
     /// Steps.
     pub gait: GaitConfig,
-    /// Motors.
+    /// Motors, of a robot whose weight times its thigh is [`GAINS_FOR_NM`]; others pull in proportion.
     pub gains: MotorGains,
     /// A sideways push in the middle of the way: the speed that it gives the body (0).
     pub push_mps: f64,
@@ -76,6 +76,8 @@ pub struct TrotReport {
     pub steps: usize,
 }
 
+/// Weight times thigh of the built-in quadruped.
+pub const GAINS_FOR_NM: f64 = 32.0;
 /// It stands for so long before the first step.
 const SETTLE_S: f64 = 0.5;
 /// The commanded speed comes up so fast.
@@ -102,6 +104,11 @@ pub fn trot(robot: &RobotModel, config: &TrotConfig) -> Result<TrotReport> {
     let mut feet = feet(robot);
 
     let dt_s = config.dt_s;
+    let share = robot.mass_kg * 9.81 * robot.legs[0].thigh_length_m / GAINS_FOR_NM;
+    let gains = MotorGains {
+        stiffness_nm_per_rad: share * config.gains.stiffness_nm_per_rad,
+        damping_nms_per_rad: share * config.gains.damping_nms_per_rad,
+    };
     let mut report = TrotReport {
         distance_m: 0.0,
         seconds: 0.0,
@@ -169,7 +176,7 @@ pub fn trot(robot: &RobotModel, config: &TrotConfig) -> Result<TrotReport> {
         let targets: Vec<(f64, f64)> =
             slots.iter().map(|slot| (gait.angles()[*slot], (gait.angles()[*slot] - plan[*slot]) / dt_s)).collect();
         plan.copy_from_slice(gait.angles());
-        body.drive(&targets, &config.gains);
+        body.drive(&targets, &gains);
         if !is_pushed && config.push_mps != 0.0 && report.distance_m > 0.5 * config.distance_m {
             is_pushed = true;
             body.push(&Vector3::new(0.0, config.push_mps, 0.0));
