@@ -5,7 +5,7 @@
 use anyhow::{Context, Result};
 use mission::autopilot::Autopilot;
 use mission::omni_perception::Stamp;
-use mission::robot_model::{Geometry, RobotKind, RobotModel};
+use mission::robot_model::{GaitError, Geometry, RobotKind, RobotModel};
 use mission::stream::Command;
 use nalgebra::{Isometry3, Vector3};
 use omni_sim::contact::{CollisionShape, Contact, ContactWorld, ShapeGeometry, TouchCounter};
@@ -16,6 +16,7 @@ use omni_sim::towed::{ToldPose, TowedBody};
 use omni_sim::world::World;
 
 use crate::estimate_frame::EstimateFrame;
+use crate::legs::Legs;
 
 /// A thing that was left for half a second is touched anew.
 const RELEASE_S: f64 = 0.5;
@@ -36,6 +37,7 @@ pub struct SimulatedBody {
     is_walker: bool,
     hover_radps: f64,
     has_power: bool,
+    legs: Result<Legs, GaitError>,
 }
 
 enum Kind {
@@ -81,7 +83,9 @@ impl SimulatedBody {
         };
         let counter = TouchCounter::new(RELEASE_S);
         let is_walker = robot.kind == RobotKind::Ground;
-        Ok(SimulatedBody { kind, contacts, counter, reported: 0, floor_z_m, is_walker, hover_radps, has_power: true })
+        let legs = Legs::standing(robot, start, floor_z_m);
+        let has_power = true;
+        Ok(SimulatedBody { kind, contacts, counter, reported: 0, floor_z_m, is_walker, hover_radps, has_power, legs })
     }
 
     /// Hears a new command.
@@ -140,7 +144,30 @@ impl SimulatedBody {
             _ => Vec::new(),
         };
         self.counter.observe(&touched);
+        if let Ok(legs) = &mut self.legs {
+            let obeyed = match (&self.kind, command) {
+                (Kind::Ground(_), Command::Velocity { forward_mps, left_mps, yaw_rate_radps }) => {
+                    Some(VelocityCommand {
+                        forward_mps: *forward_mps,
+                        left_mps: *left_mps,
+                        yaw_rate_radps: *yaw_rate_radps,
+                    })
+                }
+                _ => None,
+            };
+            let state = match &self.kind {
+                Kind::Ground(base) => base.state(),
+                Kind::Air(quadrotor, _) => quadrotor.state(),
+                Kind::Towed(body) => body.state(),
+            };
+            legs.follow(&state, obeyed.as_ref(), tick_ns as f64 * 1e-9)?;
+        }
         Ok(())
+    }
+
+    /// The legs, or why they do not move.
+    pub fn legs(&self) -> Result<&Legs, &GaitError> {
+        self.legs.as_ref()
     }
 
     /// Something that moves goes on, as in the world ([`World::go_on`]).

@@ -16,6 +16,7 @@ pub mod estimate_frame;
 pub mod flight_options;
 pub mod known_building;
 pub mod lab_survey;
+pub mod legs;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
@@ -41,6 +42,7 @@ pub mod survey;
 pub mod task;
 pub mod tour;
 pub mod toured_scene;
+pub mod trot;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
 pub mod vehicle;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 use mission::omni_perception::{MaskedPanorama, Stamp};
-use mission::robot_model::RobotModel;
+use mission::robot_model::{GaitError, RobotModel};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::stream::SensorEvent;
 use mission::tum::tum_line;
@@ -94,6 +94,7 @@ pub fn record(
         folder,
         scene,
         body_from_imu: robot.sensors.body_from_imu,
+        joints: joint_names(robot),
         trajectory: String::from("# t_s x y z qx qy qz qw: true pose of the IMU in the building, z up\n"),
         panoramas: 0,
         scans: 0,
@@ -127,6 +128,7 @@ pub fn record(
         for event in simulation.advance(&command, STEP_NS, &mut clock)? {
             recorder.take(&event, &simulation)?;
         }
+        recorder.legs(&simulation)?;
     };
 
     let Recorder { topics, trajectory, panoramas, scans, .. } = recorder;
@@ -157,6 +159,7 @@ pub fn record(
         "rooms_visited": if is_cut { Value::Null } else { json!(tour.rooms) },
         "objects": building.objects.len(),
         "touches": simulation.touches().len(),
+        "legs": legs_json(&simulation),
         "scans": scans,
         "panoramas": panoramas,
         "tasks": tasks.len(),
@@ -172,12 +175,29 @@ pub fn record(
     Ok(description)
 }
 
+/// Names of the joints, in the order of their angles.
+fn joint_names(robot: &RobotModel) -> Vec<String> {
+    let joints = robot.tree.moving_joints().iter();
+    joints.map(|joint| robot.tree.joints()[*joint].name.clone()).collect()
+}
+
+/// What the legs did: by how much at most a foot was where its leg could not reach, or why they did not move. Nothing without legs.
+fn legs_json(simulation: &Simulation<'_>) -> Value {
+    match simulation.legs() {
+        Ok(legs) => json!({"worst_miss_m": legs.worst_miss_m()}),
+        Err(GaitError::NoLegs { .. }) => Value::Null,
+        Err(error) => json!({"still": error.to_string()}),
+    }
+}
+
 /// Sends each event to where it belongs.
 struct Recorder<'a> {
     topics: TopicWriter,
     folder: &'a RunFolder,
     scene: &'a Scene,
     body_from_imu: Isometry3<f64>,
+    /// Names of the robot's joints.
+    joints: Vec<String>,
     trajectory: String,
     panoramas: usize,
     scans: usize,
@@ -206,6 +226,14 @@ impl Recorder<'_> {
             }
             // A true pose in disguise: not for a bag. Nobody has asked for batteries in one.
             SensorEvent::Odometry(_) | SensorEvent::Battery(_) => Ok(()),
+        }
+    }
+
+    /// How the joints stand now, if they move.
+    fn legs(&mut self, simulation: &Simulation<'_>) -> Result<()> {
+        match simulation.legs() {
+            Ok(legs) => self.topics.joints(simulation.now(), &self.joints, legs.gait().angles()),
+            Err(_) => Ok(()),
         }
     }
 

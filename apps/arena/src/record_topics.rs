@@ -4,6 +4,7 @@
 //! /points               PointCloud2      frame "lidar": the motor's angle taken out, for readers that know no motor
 //! /points_raw           PointCloud2      frame "lidar_raw": as the turning sensor saw it; not for a fixed LiDAR
 //! /joint_states         JointState       frame "lidar", joint "lidar_motor"; not for a fixed LiDAR
+//!                                        frame "base_link", the joints of the URDF 50 times a second; for robots with legs
 //! /imu                  Imu              frame "imu"
 //! /panorama/compressed  CompressedImage  frame "camera" (x forward, z up), PNG: no pixel is lost
 //! /tf_static            TFMessage        base_link - imu - lidar, base_link - camera, rotor - lidar_raw
@@ -139,6 +140,14 @@ impl TopicWriter {
             ..JointState::default()
         };
         self.bag.write("/joint_states", self.date(sample.stamp), &message)?;
+        Ok(())
+    }
+
+    /// Angles of the joints that the URDF names so: a message of its own, as of a node of its own.
+    pub fn joints(&mut self, now: Stamp, names: &[String], angles: &[f64]) -> Result<()> {
+        let header = self.header(now, "base_link")?;
+        let message = JointState { header, name: names.to_vec(), position: angles.to_vec(), ..JointState::default() };
+        self.bag.write("/joint_states", self.date(now), &message)?;
         Ok(())
     }
 

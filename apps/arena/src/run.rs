@@ -16,7 +16,7 @@ use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
-use mission::robot_model::RobotModel;
+use mission::robot_model::{GaitError, RobotModel};
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
@@ -136,6 +136,17 @@ pub struct TruthLog {
     pub steps: Vec<(usize, i64, bool)>,
 }
 
+/// Where the robot believed to be and how it held its joints: what it takes to draw it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posture {
+    /// Seconds of the run.
+    pub t_s: f64,
+    /// Pose of the body in the robot's own map.
+    pub map_from_body: Isometry3<f64>,
+    /// Angles in the order of the model's moving joints; none for a robot whose joints do not move.
+    pub joints: Vec<f64>,
+}
+
 /// Everything that a run leaves.
 pub struct RunResult {
     /// Figures.
@@ -144,6 +155,8 @@ pub struct RunResult {
     pub mission: Mission,
     /// The world's side.
     pub truth: TruthLog,
+    /// The robot, 25 times a second.
+    pub postures: Vec<Posture>,
 }
 
 impl RunResult {
@@ -155,6 +168,8 @@ impl RunResult {
 
 /// Period of the control loop.
 const STEP_NS: i64 = 20_000_000;
+/// The robot's posture is written down every so many steps: fast enough for a swing of 0.2 s.
+const POSTURE_STEPS: u64 = 2;
 /// The robot stands still this long after it said stop, so that a swing or a slide still counts.
 const SETTLE_S: f64 = 0.6;
 
@@ -232,6 +247,10 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
     let mut last = *start;
     let mut trouble = None;
+    let mut postures = Vec::new();
+    if let Err(why @ GaitError::OtherKindOfLeg { .. }) = simulation.legs() {
+        mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
+    }
     let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
     loop {
         let now_s = simulation.seconds();
@@ -258,6 +277,13 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         last = pose;
         if simulation.steps() % 5 == 0 {
             truth.poses.push((simulation.now().0, pose));
+        }
+        if simulation.steps() % POSTURE_STEPS == 0
+            && let Some(odometry) = &mission.world.odometry
+        {
+            let joints = simulation.legs().map_or_else(|_| Vec::new(), |legs| legs.gait().angles().to_vec());
+            let map_from_body = odometry.world_from_body;
+            postures.push(Posture { t_s: simulation.seconds(), map_from_body, joints });
         }
         // Steps are judged at the moment the robot declares them, except the last one, judged when it stands.
         while judged < mission.steps_done.len() && judged + 1 < task.steps.len() {
@@ -360,7 +386,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         interrupted: mission.is_interrupted(),
         stages,
     };
-    Ok(RunResult { summary, mission, truth })
+    Ok(RunResult { summary, mission, truth, postures })
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.

@@ -9,7 +9,7 @@ use mission::omni_perception::{
     Rle, Stamp, TrackingStatus,
 };
 use mission::rig::Rig;
-use mission::robot_model::RobotModel;
+use mission::robot_model::{GaitError, RobotModel};
 use mission::segmenter::{SegmentRequest, Segmenter};
 use mission::stage_clock::StageClock;
 use mission::stream::{BatteryState, Command, SensorEvent};
@@ -28,6 +28,7 @@ use omni_sim::world::World;
 use crate::body::SimulatedBody;
 use crate::drift::{DriftConfig, DriftingOdometry};
 use crate::estimate_frame::EstimateFrame;
+use crate::legs::Legs;
 use crate::people::People;
 use crate::scenario::Scene;
 use crate::surround::Surround;
@@ -282,6 +283,11 @@ impl<'a> Simulation<'a> {
     /// Where the robot truly was at a time of the last second.
     pub fn true_pose_at(&self, stamp: Stamp) -> Isometry3<f64> {
         self.body.motion().at(stamp.0).world_from_body
+    }
+
+    /// The robot's legs, or why they do not move.
+    pub fn legs(&self) -> Result<&Legs, &GaitError> {
+        self.body.legs()
     }
 
     /// Which thing truly is in each pixel of a panorama of the last second: column by column, 0 for the structure.

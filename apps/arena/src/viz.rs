@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use mission::dsg::Object;
 use mission::journal::{CurveSample, Journal};
 use mission::mission::Outcome;
-use mission::robot_model::CollisionShape;
+use mission::robot_model::{CollisionShape, JointKind, RobotModel};
 use mission::volumetric_map::Mesh;
 use mission::world_model::WorldModel;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -22,11 +22,11 @@ use rerun::blueprint::{
 use rerun::external::re_sdk_types::blueprint::components::{PanelState, PlayState};
 use rerun::{
     Boxes3D, Color, FillMode, LineStrip3D, LineStrips3D, Mesh3D, Points3D, Quaternion, RecordingStream,
-    RecordingStreamBuilder, Rgba32, Scalars, SeriesLines, TextLog, TextLogLevel, TimeColumn, Transform3D,
-    ViewCoordinates,
+    RecordingStreamBuilder, Rgba32, Scalars, SerializedComponentColumn, SeriesLines, TextLog, TextLogLevel, TimeColumn,
+    Transform3D, ViewCoordinates, entity_path,
 };
 
-use crate::run::RunResult;
+use crate::run::{Posture, RunResult};
 use crate::scenario::Scene;
 
 /// The time line: seconds since the mission began.
@@ -67,7 +67,7 @@ pub fn write_recording(path: &Path, result: &RunResult, scene: &Scene) -> Result
     log_rooms(&recording, world)?;
     log_truth(&recording, result, scene)?;
     log_marks(&recording, result)?;
-    log_body(&recording, result, &journal.curves)?;
+    log_body(&recording, result.mission.robot(), &result.postures)?;
     log_way(&recording, &journal.curves)?;
     log_curves(&recording, &journal.curves)?;
     log_thoughts(&recording, result)?;
@@ -275,20 +275,57 @@ fn log_marks(recording: &RecordingStream, result: &RunResult) -> Result<()> {
     Ok(())
 }
 
-/// The robot as the boxes around its collision shapes, moved to where it believed to be.
-fn log_body(recording: &RecordingStream, result: &RunResult, curves: &[CurveSample]) -> Result<()> {
-    let boxes = boxes_of(&result.mission.robot().collision_shapes);
-    let boxes = boxes.with_colors([WAY]).with_fill_mode(FillMode::Solid);
-    recording.log_static("map/robot/body", &boxes)?;
-    if curves.is_empty() {
+/// The robot as the boxes around its collision shapes, where it believed to be; each link that its joints move moves on its own.
+fn log_body(recording: &RecordingStream, robot: &RobotModel, postures: &[Posture]) -> Result<()> {
+    let joints_move = postures.iter().any(|posture| !posture.joints.is_empty());
+    let (moved, fixed): (Vec<CollisionShape>, Vec<CollisionShape>) =
+        robot.collision_shapes.iter().cloned().partition(|shape| joints_move && is_moved(robot, &shape.link));
+    let solid = |shapes: &[CollisionShape]| boxes_of(shapes).with_colors([WAY]).with_fill_mode(FillMode::Solid);
+    recording.log_static("map/robot/body", &solid(&fixed))?;
+    if postures.is_empty() {
         return Ok(());
     }
-    let moves = Transform3D::update_fields()
-        .with_many_translation(curves.iter().map(|sample| [sample.pose[0], sample.pose[1], sample.pose[2]]))
-        .with_many_quaternion(
-            curves.iter().map(|sample| quaternion(&UnitQuaternion::from_euler_angles(0.0, 0.0, sample.pose[3]))),
-        );
-    Ok(recording.send_columns("map/robot", [times(curves.iter().map(|s| s.t_s))], moves.columns_of_unit_batches()?)?)
+    let stamps = || times(postures.iter().map(|posture| posture.t_s));
+    recording.send_columns("map/robot", [stamps()], moves(postures.iter().map(|p| p.map_from_body))?)?;
+
+    let poses: Vec<Vec<Isometry3<f64>>> = postures
+        .iter()
+        .filter(|posture| !posture.joints.is_empty())
+        .map(|posture| robot.tree.body_from_links(&posture.joints))
+        .collect::<Result<_, _>>()?;
+    for link in robot.tree.links() {
+        // Shapes are known in the body, in the stance.
+        let link_from_body = robot.frames[&link.name].inverse();
+        let own = moved.iter().filter(|shape| shape.link == link.name).cloned();
+        let own: Vec<CollisionShape> = own
+            .map(|shape| CollisionShape { body_from_shape: link_from_body * shape.body_from_shape, ..shape })
+            .collect();
+        let (false, Some(index)) = (own.is_empty(), robot.tree.link_named(&link.name)) else { continue };
+        let path = entity_path!["map", "robot", "legs", link.name.clone()];
+        recording.log_static(path.clone(), &solid(&own))?;
+        recording.send_columns(path, [stamps()], moves(poses.iter().map(|links| links[index]))?)?;
+    }
+    Ok(())
+}
+
+/// Whether a moving joint is between the link and the body.
+fn is_moved(robot: &RobotModel, link: &str) -> bool {
+    let joints = robot.tree.joints();
+    let above = |link: usize| robot.tree.joint_above(link);
+    let first = robot.tree.link_named(link).and_then(above);
+    std::iter::successors(first, |joint| above(joints[*joint].parent))
+        .any(|joint| joints[joint].kind != JointKind::Fixed)
+}
+
+/// Columns of a transform that changes with time.
+fn moves(
+    poses: impl Iterator<Item = Isometry3<f64>> + Clone,
+) -> Result<impl Iterator<Item = SerializedComponentColumn>> {
+    let columns = Transform3D::update_fields()
+        .with_many_translation(poses.clone().map(|pose| <[f64; 3]>::from(pose.translation.vector)))
+        .with_many_quaternion(poses.map(|pose| quaternion(&pose.rotation)))
+        .columns_of_unit_batches()?;
+    Ok(columns)
 }
 
 /// Smallest boxes around the shapes, each along the axes of its own frame.
@@ -431,7 +468,8 @@ mod tests {
     fn a_recording_holds_the_map_and_one_body_pose_for_each_sample() {
         let robot = RobotModel::builtin_quadruped();
         let scene = Scene::open("flat", &robot).unwrap();
-        let config = RunConfig { max_time_s: 2.0, ..RunConfig::default() };
+        // The first second shows how the walls run; only then is there a place in the map.
+        let config = RunConfig { max_time_s: 4.0, ..RunConfig::default() };
         let task = Task::read("find the mug near the sink", &scene.building).unwrap();
         let truth = robot_truth(&robot, config.mission.flight_height_m);
         let start = draw_start(&Referee::new(&scene.building, &scene.world, truth, 0), &robot, 0).unwrap();
@@ -462,8 +500,18 @@ mod tests {
         }
         let samples = result.journal().curves.len();
         assert!(samples > 5);
-        for path in ["/map/robot", "/map/path", "/curves/speed", "/curves/tokens"] {
+        for path in ["/map/path", "/curves/speed", "/curves/tokens"] {
             assert_eq!(rows.get(&(path.to_owned(), false)), Some(&samples), "{path} in {rows:?}");
+        }
+        // The body and each of its moving links, 25 times a second.
+        let postures = result.postures.len();
+        assert!(postures > 40, "{postures}");
+        assert_eq!(rows.get(&("/map/robot".to_owned(), false)), Some(&postures), "{rows:?}");
+        for leg in &result.mission.robot().legs {
+            for path in ["thigh", "calf", "foot"].map(|part| format!("/map/robot/legs/{}_{part}", leg.name)) {
+                assert_eq!(rows.get(&(path.clone(), true)), Some(&1), "{path} in {rows:?}");
+                assert_eq!(rows.get(&(path.clone(), false)), Some(&postures), "{path} in {rows:?}");
+            }
         }
         assert!(rows[&("/log".to_owned(), false)] > 0);
     }

@@ -13,7 +13,7 @@ use arena::dataset::{INDEX, make_dataset};
 use arena::mission::omni_perception::{RawScan, Stamp};
 use arena::mission::recording::open;
 use arena::mission::recording::rosbag::mcap_stream::McapStream;
-use arena::mission::recording::rosbag::ros_messages::{Imu, PointCloud2, RosMessage, decode};
+use arena::mission::recording::rosbag::ros_messages::{Imu, JointState, PointCloud2, PoseStamped, RosMessage, decode};
 use arena::mission::recording::rosbag::writer::BAG_FILE;
 use arena::mission::robot_model::RobotKind;
 use arena::mission::segmented::segmented;
@@ -26,7 +26,7 @@ use arena::record_topics::TopicWriter;
 use arena::run_folder::RunFolder;
 use arena::simulation::Simulation;
 use arena::tour::Tour;
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use serde_json::Value;
 use support::{robot, scene};
 
@@ -236,7 +236,8 @@ fn the_folder_has_what_readers_expect_and_nothing_true_where_the_robot_reads() {
     let expected = [
         ("/ground_truth geometry_msgs/msg/PoseStamped", 240),
         ("/imu sensor_msgs/msg/Imu", 240),
-        ("/joint_states sensor_msgs/msg/JointState", 601),
+        // 500 a second of the LiDAR's motor, 50 of the legs.
+        ("/joint_states sensor_msgs/msg/JointState", 601 + 60),
         ("/panorama/compressed sensor_msgs/msg/CompressedImage", 3),
         ("/points sensor_msgs/msg/PointCloud2", 12),
         ("/points_raw sensor_msgs/msg/PointCloud2", 12),
@@ -278,6 +279,66 @@ fn the_folder_has_what_readers_expect_and_nothing_true_where_the_robot_reads() {
     // What reads a recording takes no pose from it.
     let events: Vec<SensorEvent> = open(&folder).unwrap().events.map(Result::unwrap).collect();
     assert!(!events.iter().any(|event| matches!(event, SensorEvent::Odometry(_))));
+}
+
+/// What a viewer of robots would do with the bag: put the legs where `/joint_states` says, at the true pose of the same time. The feet
+/// walk: some are down at any time, those do not slide, and all of them go along.
+#[test]
+fn the_joints_of_a_bag_put_the_feet_on_the_floor() {
+    let root = tempfile::tempdir().unwrap();
+    for is_lidar_fixed in [false, true] {
+        let folder = root.path().join(format!("{is_lidar_fixed}"));
+        let mut config = small(5.0);
+        config.simulation.is_lidar_fixed = is_lidar_fixed;
+        config.simulation.panorama.rate_hz = 0.01;
+        config.pilot.rest_s = 0.5;
+        let description = recorded(&config, RobotKind::Ground, &folder);
+        assert_eq!(description["legs"]["worst_miss_m"], 0.0);
+        let robot = robot(RobotKind::Ground);
+        let body_from_imu = robot.sensors.body_from_imu;
+        let (mut truth, mut states) = (BTreeMap::new(), Vec::new());
+        let mut stream = McapStream::new(vec![folder.join(BAG_FILE)]);
+        while let Some(message) = stream.next_message().unwrap() {
+            if message.channel.message_type == PoseStamped::TYPE {
+                let stamped: PoseStamped = decode(message.payload).unwrap();
+                let (p, q) = (stamped.pose.position, stamped.pose.orientation);
+                let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z));
+                let world_from_imu = Isometry3::from_parts(Translation3::new(p.x, p.y, p.z), turn);
+                truth.insert(stamped.header.stamp.stamp(), world_from_imu * body_from_imu.inverse());
+            }
+            if message.channel.message_type == JointState::TYPE {
+                let state: JointState = decode(message.payload).unwrap();
+                if state.name.len() > 1 {
+                    states.push((state.header.stamp.stamp(), state.name.into_iter().zip(state.position).collect()));
+                }
+            }
+        }
+        assert_eq!(states.len(), 250);
+        let feet = |(stamp, angles): &(Stamp, BTreeMap<String, f64>)| -> Vec<Point3<f64>> {
+            let frames = robot.frames_at(angles).unwrap();
+            let place = |foot: &str| truth[stamp] * Point3::from(frames[foot].translation.vector);
+            robot.legs.iter().map(|leg| place(&leg.foot)).collect()
+        };
+        let all: Vec<_> = states.iter().map(feet).collect();
+        let sole_m = robot.stance_height_m + robot.frames["FL_foot"].translation.z;
+        let (mut stood, mut swung) = (0, [false; 4]);
+        for pair in all.windows(2) {
+            let still = (0..4).filter(|leg| (pair[1][*leg] - pair[0][*leg]).norm() < 1e-6).count();
+            assert!(
+                still >= 2 || pair.iter().any(|feet| feet.iter().filter(|foot| foot.z - sole_m < 1e-3).count() >= 2)
+            );
+            stood += usize::from(still == 4);
+            (0..4).for_each(|leg| swung[leg] |= pair[1][leg].z - sole_m > 0.03);
+        }
+        assert!(stood >= 20 && swung == [true; 4], "stood in {stood} of 250 steps, swung {swung:?}");
+        let way = |from: &Point3<f64>, to: &Point3<f64>| (to - from).xy().norm();
+        let body_m = (truth[&states[249].0].translation.vector - truth[&states[0].0].translation.vector).xy().norm();
+        assert!(body_m > 0.5 && (0..4).all(|leg| (way(&all[0][leg], &all[249][leg]) - body_m).abs() < 0.6), "{body_m}");
+        // And the reader of recordings takes the LiDAR's motor from the same topic, if there is one.
+        let events: Vec<SensorEvent> = open(&folder).unwrap().events.map(Result::unwrap).collect();
+        let encoders = events.iter().filter(|event| matches!(event, SensorEvent::Encoder(_))).count();
+        assert_eq!(encoders > 2000, !is_lidar_fixed, "{encoders}");
+    }
 }
 
 #[test]

@@ -297,7 +297,7 @@ fn grouped(builder: ColliderBuilder, own: Group, other: Group) -> Collider {
 }
 
 /// `None` for a shape without volume or with NaN.
-fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
+pub(crate) fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
     let good = |x: f64| x.is_finite() && x > 1e-6;
     if !shape.body_from_shape.to_homogeneous().iter().all(|x| x.is_finite()) {
         return None;
@@ -334,6 +334,11 @@ fn robot_collider(shape: &CollisionShape) -> Option<Collider> {
         }
     };
     Some(grouped(builder.position(pose(&placed)), ROBOT, WORLD))
+}
+
+/// A part of the world that no mesh is needed for.
+pub(crate) fn world_group(builder: ColliderBuilder) -> Collider {
+    grouped(builder, WORLD, ROBOT)
 }
 
 fn mesh_collider(mesh: &TriangleMesh) -> Result<Collider, ContactError> {

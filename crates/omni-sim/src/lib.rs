@@ -44,7 +44,7 @@
 //! 2. [`world::World`] puts the triangles into a tree of boxes ([`bvh`]) and answers rays at any time, movers included.
 //! 3. [`track::MotionTrack`] is a motion of pieces with constant jerk: exact derivatives at any time.
 //!    [`ground_base`] and [`quadrotor`] make one from commands, [`towed`] from told poses; [`contact`] tells them, by rapier, what
-//!    they run into.
+//!    they run into. [`articulated`] is for robots that could fall: bodies on motors, stepped by rapier.
 //! 4. [`lidar`], [`encoder`] and [`imu`] sample the motion.
 //! 5. [`panorama`] and [`fisheye`] render ([`render`]: few rays, subdivided) and have the picture segmented ([`segmenter`], [`region`]) with
 //!    errors that hang together over time and view.
@@ -58,8 +58,9 @@
 //! ([`world::World::ray`] answers `None`).
 //!
 //! # What it does not do
-//! No soft things, no water or glass (windows are opaque), no rolling shutter in the panorama, no multipath. The ground robot
-//! has no legs: its trunk moves as a gait would move it. Contacts push robots, not things.
+//! No soft things, no water or glass (windows are opaque), no rolling shutter in the panorama, no multipath. The ground robot's
+//! base has no legs: its trunk moves as a gait would move it ([`articulated`] stands on legs, on a flat floor only). Contacts push robots,
+//! not things.
 //!
 //! # References
 //! - I. Wald, On fast construction of SAH-based bounding volume hierarchies, 2007. T. Moeller, B. Trumbore, Fast minimum
@@ -67,6 +68,7 @@
 //! - J. Warnock, A hidden surface algorithm for computer generated halftone pictures, 1969.
 //! - G. Steele, D. Lea, C. Flood, Fast splittable pseudorandom number generators, 2014.
 
+pub mod articulated;
 pub mod building;
 pub mod bvh;
 pub mod caption;

@@ -8,11 +8,12 @@ const QUADROTOR_URDF: &str = include_str!("../models/quadrotor.urdf");
 const QUADROTOR_TOML: &str = include_str!("../models/quadrotor.toml");
 
 /// TOML by the name that the URDF gives its robot. Several names for one robot: files of different origin.
-const TOMLS: [(&str, &str); 11] = [
+const TOMLS: [(&str, &str); 12] = [
     ("omni_quadruped", QUADRUPED_TOML),
     ("omni_quadrotor", QUADROTOR_TOML),
     ("go2_description", include_str!("../models/go2.toml")),
     ("go2", include_str!("../models/go2.toml")),
+    ("go2w_description", include_str!("../models/go2w.toml")),
     ("go1", include_str!("../models/go1.toml")),
     ("go1_description", include_str!("../models/go1.toml")),
     ("a1", include_str!("../models/a1.toml")),

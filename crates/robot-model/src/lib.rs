@@ -46,6 +46,7 @@
 //! 4. [`description`] reads the TOML against the tree and lists every missing key at once.
 //! 5. [`envelope`] sweeps rotors and wheels ([`shape`]) and takes footprint, radii and height span of all shapes.
 //! 6. [`sensors`] and [`leg`] place the LiDAR, IMU and camera and solve three-joint legs. [`RobotModel::parse`] is the whole in order.
+//! 7. [`gait`] moves the legs along with a base that moves: footholds after Raibert, feet that stand still while they stand.
 //!
 //! # The TOML
 //!
@@ -112,6 +113,7 @@ pub mod builtin;
 pub mod description;
 pub mod envelope;
 pub mod error;
+pub mod gait;
 pub mod inertia;
 mod keys;
 pub mod leg;
@@ -127,6 +129,7 @@ pub mod urdf;
 pub use builtin::{builtin_toml, quadrotor_texts, quadruped_texts};
 pub use description::{MotionLimits, RobotKind};
 pub use error::ModelError;
+pub use gait::{BaseMotion, Foot, Gait, GaitConfig, GaitError};
 pub use inertia::MassProperties;
 pub use leg::Leg;
 pub use merge::{MergedBody, merged_bodies};

@@ -5,7 +5,9 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use robot_model::envelope::placed_shapes;
 use robot_model::shape::bounds;
-use robot_model::{ModelError, RobotKind, RobotModel, builtin_toml, merged_bodies, mesh_candidates};
+use robot_model::{
+    BaseMotion, Gait, GaitConfig, ModelError, RobotKind, RobotModel, builtin_toml, merged_bodies, mesh_candidates,
+};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -170,6 +172,70 @@ fn every_official_file_loads_or_says_why() {
             Ok(model) => assert!(refusal.is_empty() && model.mass_kg > 1.0, "{file}"),
             Err(error) => assert!(!refusal.is_empty() && error.to_string().starts_with(refusal), "{file}: {error}"),
         }
+    }
+}
+
+/// The official files repeat `<material>` within a `<visual>`, which urdf-rs alone refuses; ours read them whole.
+#[test]
+fn official_files_with_repeated_materials_are_read() {
+    let Some(folder) = data() else { return };
+    for robot in ["go2", "b2", "go2w"] {
+        let path = folder.join(format!("unitree_ros/{robot}_description/urdf/{robot}_description.urdf"));
+        let text = std::fs::read_to_string(&path).expect("a URDF");
+        let alone = urdf_rs::read_from_string(&text).map(|_| ()).map_err(|error| error.to_string());
+        assert!(alone.as_ref().is_err_and(|error| error.contains("material")), "{robot}: {alone:?}");
+        let wheel = drum();
+        let (name, tree) =
+            robot_model::urdf::read(&text.replace(".dae", ".stl"), &|_| Some(wheel.clone())).expect("readable");
+        assert_eq!(name, format!("{robot}_description"));
+        // Each link and joint of the file is there.
+        assert_eq!(tree.links().len(), text.matches("<link name=").count(), "{robot}");
+        assert_eq!(tree.joints().len(), text.matches("<joint name=").count(), "{robot}");
+    }
+}
+
+/// Corners of a drum about y with a radius of 0.086 m, as text STL: a stand-in for the wheels of the Go2-W, whose meshes are not here.
+fn drum() -> Vec<u8> {
+    let corner = |k: u32, y: f64| {
+        let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 16.0).sin_cos();
+        format!("vertex {} {y} {}\n", 0.086 * cos, 0.086 * sin)
+    };
+    let facets: String = (0..16)
+        .map(|k| {
+            format!(
+                "facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n",
+                corner(k, -0.02),
+                corner(k, 0.02),
+                corner(k + 1, 0.02)
+            )
+        })
+        .collect();
+    format!("solid drum\n{facets}endsolid drum\n").into_bytes()
+}
+
+/// With meshes that can be read for its wheels the Go2-W stands on them, and they turn by the way over their radius.
+#[test]
+fn the_go2w_stands_on_wheels_that_roll() {
+    let Some(folder) = data() else { return };
+    let text = std::fs::read_to_string(folder.join("unitree_ros/go2w_description/urdf/go2w_description.urdf"))
+        .expect("a URDF");
+    let toml = builtin_toml("go2w_description").expect("a TOML ships");
+    let wheel = drum();
+    let robot =
+        RobotModel::parse(&text.replace(".dae", ".stl"), toml, &|_| Some(wheel.clone())).expect("a sound robot");
+    let hub_m = robot.stance_height_m + robot.frames["FL_foot"].translation.z;
+    assert!((hub_m - 0.086).abs() < 1e-3, "{hub_m}");
+    let at = |x: f64| nalgebra::Isometry3::translation(x, 0.0, robot.stance_height_m);
+    let mut gait = Gait::new(GaitConfig::default(), &robot, &at(0.0), 0.0).expect("wheels");
+    let velocity_in_world_mps = nalgebra::Vector2::new(0.5, 0.0);
+    for step in 1..=200 {
+        let base = BaseMotion { velocity_in_world_mps, ..BaseMotion::resting_at(at(0.0025 * f64::from(step))) };
+        gait.step(0.005, &base).expect("a finite step");
+    }
+    for (slot, joint) in robot.tree.moving_joints().iter().enumerate() {
+        let joint = &robot.tree.joints()[*joint];
+        let expected = if joint.name.ends_with("_foot_joint") { 0.5 / hub_m } else { robot.stance[slot] };
+        assert!((gait.angles()[slot] - expected).abs() < 1e-6, "{}: {}", joint.name, gait.angles()[slot]);
     }
 }
 

@@ -50,8 +50,9 @@ struct ImuTopic {
 
 #[derive(Debug)]
 struct JointTopic {
-    frame: String,
-    names: Vec<String>,
+    /// Each joint with the frame of its messages; a joint without a name where messages carry none. Several nodes may publish on the
+    /// topic.
+    frames: BTreeMap<String, String>,
 }
 
 /// How the points of a recording tell their time.
@@ -150,10 +151,9 @@ impl Survey {
         } else if kind == JointState::TYPE {
             if let Ok(state) = decode::<JointState>(message.payload) {
                 let frame = state.header.frame_id;
-                let known = self.joints.entry(topic).or_insert(JointTopic { frame, names: Vec::new() });
-                known.names.extend(state.name);
-                known.names.sort();
-                known.names.dedup();
+                let known = self.joints.entry(topic).or_insert(JointTopic { frames: BTreeMap::new() });
+                let names = if state.name.is_empty() { vec![String::new()] } else { state.name };
+                names.into_iter().for_each(|name| _ = known.frames.entry(name).or_insert_with(|| frame.clone()));
             }
         } else if kind == CompressedImage::TYPE
             && let Ok(image) = decode::<CompressedImage<'_>>(message.payload)
@@ -249,19 +249,13 @@ impl Survey {
 
     fn encoder(&self, bag: &Path, options: &RecordingOptions) -> Result<(String, String, String), BagError> {
         let topic = self.only(bag, JointState::TYPE, options.encoder_topic.as_deref(), self.joints.keys().collect())?;
-        let joints = &self.joints[&topic];
-        let named: Vec<&String> = joints
-            .names
-            .iter()
-            .filter(|name| name.to_lowercase().contains("lidar") || name.to_lowercase().contains("motor"))
-            .collect();
-        let name = match (&joints.names[..], &named[..]) {
-            ([], _) => String::new(),
-            ([single], _) => single.clone(),
-            (_, [single]) => (*single).clone(),
-            _ => return Err(BagError::Joints { topic, found: joints.names.clone() }),
-        };
-        Ok((topic, joints.frame.clone(), name))
+        let joints: Vec<(&String, &String)> = self.joints[&topic].frames.iter().collect();
+        let is_motor = |name: &str| name.to_lowercase().contains("lidar") || name.to_lowercase().contains("motor");
+        let named: Vec<_> = joints.iter().filter(|(name, _)| is_motor(name)).collect();
+        match (&joints[..], &named[..]) {
+            ([(name, frame)], _) | (_, [(name, frame)]) => Ok((topic, (*frame).clone(), (*name).clone())),
+            _ => Err(BagError::Joints { topic, found: joints.iter().map(|(name, _)| (*name).clone()).collect() }),
+        }
     }
 
     /// The topic that was asked for, or the only one.
