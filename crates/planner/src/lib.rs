@@ -71,6 +71,7 @@ pub mod aerial;
 pub mod air;
 #[cfg(feature = "ground")]
 pub mod ground;
+pub mod zone;
 
 #[cfg(feature = "air")]
 pub use aerial::{AirPlan, AirPlanError, AirSpace, plan_air};
@@ -117,3 +118,4 @@ pub use ground::{
     traffic::GroundMover,
     visibility::{Route, VisibilityGraph},
 };
+pub use zone::{SpeedZone, Zone, ZoneError};
