@@ -49,6 +49,7 @@ pub mod viz;
 pub mod whole_file;
 pub mod workers;
 pub mod write_run;
+pub mod zone_watch;
 
 pub use mission;
 pub use omni_sim;

@@ -102,6 +102,11 @@ pub struct Options {
     #[command(flatten)]
     pub unitree: UnitreeOptions,
 
+    /// Where the robot may not be, or only slowly: a JSON file with polygons in metres from where it starts (x ahead, y left), or in
+    /// the frame of the map of --known (format: documentation of mission::zones)
+    #[arg(long, value_name = "FILE")]
+    pub zones: Option<PathBuf>,
+
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
     pub people: u32,

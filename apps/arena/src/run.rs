@@ -20,6 +20,7 @@ use mission::robot_model::RobotModel;
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
+use mission::zones::{ZoneFrame, Zones};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use omni_sim::crowd::CrowdConfig;
 
@@ -32,6 +33,7 @@ use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
 use crate::vehicle::Vehicle;
+use crate::zone_watch::ZoneWatch;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -48,6 +50,8 @@ pub struct RunConfig {
     pub segmenter: Option<HttpSegmenterConfig>,
     /// Whose CPU time the summary gives.
     pub cpu_scope: CpuScope,
+    /// Where the map of `--known` lies in the building, if anybody knows: the referee needs it for zones in that map.
+    pub truth_from_known: Option<Isometry3<f64>>,
 }
 
 impl RunConfig {
@@ -100,6 +104,7 @@ impl Default for RunConfig {
             llm: None,
             segmenter: None,
             cpu_scope: CpuScope::Process,
+            truth_from_known: None,
         }
     }
 }
@@ -132,6 +137,8 @@ pub struct TruthLog {
     pub touches: Vec<Touch>,
     /// Where the map's frame was in the building when the run began.
     pub truth_from_map: Isometry3<f64>,
+    /// The zones in the building.
+    pub zones: Zones,
     /// The steps that the robot declared done, with the referee's verdict on each.
     pub steps: Vec<(usize, i64, bool)>,
 }
@@ -202,6 +209,15 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         Some(start) => start,
         None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
     };
+    let truth_from_zones = match config.mission.zones.frame {
+        ZoneFrame::Start => Some(*start),
+        ZoneFrame::Map => config.truth_from_known,
+    };
+    // Zones of which nobody knows where they lie are judged by nobody.
+    let mut zones = ZoneWatch::new(
+        truth_from_zones.map(|truth_from_zones| config.mission.zones.moved(&truth_from_zones)).unwrap_or_default(),
+        &robot.footprint,
+    );
     let is_towed = vehicle.is_some();
     let world = SimulationConfig { is_towed, ..config.simulation.clone() };
     let mut simulation = Simulation::new(&world, robot, scene, start, &start_in_map, seed)?;
@@ -254,6 +270,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
 
         let pose = simulation.true_pose();
+        zones.see(&pose, STEP_NS as f64 * 1e-9);
         path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();
         last = pose;
         if simulation.steps() % 5 == 0 {
@@ -308,6 +325,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         truth.steps.push((task.steps.len() - 1, simulation.now().0, referee.is_done(last_step, &pose)));
     }
     truth.touches = simulation.touches().to_vec();
+    truth.zones = zones.zones().clone();
     let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
@@ -351,6 +369,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         answer_tokens: mission.journal.answer_tokens(),
         collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
         contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
+        keep_out_entries: zones.figures().iter().filter(|zone| zone.max_mps.is_none()).map(|zone| zone.entries).sum(),
+        zones: zones.figures().to_vec(),
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),
@@ -400,18 +420,22 @@ fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, m
 
 /// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.
 pub fn start_in_known_map(known: &Path, pose: &Pose, robot: &RobotModel) -> Result<Isometry3<f64>> {
-    let path = known.join("truth").join("frame.json");
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
-    let frame: Frame = serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))?;
-    let truth_from_map = Isometry3::from_parts(
-        Translation3::from(Vector3::from(frame.position_m)),
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), frame.yaw_rad),
-    );
-    let mut start = truth_from_map * pose_in_map(pose);
+    let frame = frame_of(known)?;
+    let mut start = frame.truth_from_map() * pose_in_map(pose);
     // The robot is put on the floor whatever height was given: feet neither float nor sink.
     start.translation.vector.z = frame.floor_m + robot.stance_height_m;
     Ok(start)
+}
+
+/// Where the map of a run lies in the building.
+///
+/// # Errors
+/// A map that no run made has no such file.
+pub fn frame_of(known: &Path) -> Result<Frame> {
+    let path = known.join("truth").join("frame.json");
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))
 }
 
 /// `x,y,z,yaw` as a pose.
@@ -431,4 +455,14 @@ pub struct Frame {
     pub yaw_rad: f64,
     /// Height of the floor in the building.
     pub floor_m: f64,
+}
+
+impl Frame {
+    /// As a transform.
+    pub fn truth_from_map(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.position_m)),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw_rad),
+        )
+    }
 }

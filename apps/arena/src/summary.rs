@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use mission::stage_clock::StageFigures;
 use serde::Serialize;
 
+use crate::zone_watch::ZoneFigures;
+
 /// One run in figures. Everything except `wall_s`, `cpu_s` and the times in `stages` is the same for the same seeds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Summary {
@@ -48,6 +50,10 @@ pub struct Summary {
     pub collisions: usize,
     /// Touches of people while the robot moved, or less than half a second after.
     pub contacts_with_people: usize,
+    /// How often any part of the robot was in a zone that it has to keep out of, in truth.
+    pub keep_out_entries: usize,
+    /// Each zone of `--zones`, in truth; empty without.
+    pub zones: Vec<ZoneFigures>,
     /// Least distance between the robot's outline and an obstacle, as its local policy saw it; `null` before it moved.
     pub min_clearance_m: Option<f64>,
     /// Rooms in the scene graph.

@@ -49,6 +49,7 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
             Some(Outcome::Stopped { at, .. }) => Some(at.xy()),
             _ => None,
         },
+        zones: Some(&world.zones),
     };
     let here = path.last().copied().unwrap_or_else(Point2::origin);
     let navigation = navigation_img(&world.navigation, &here);

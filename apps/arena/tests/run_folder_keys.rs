@@ -37,8 +37,17 @@ const PROMISED: [&str; 21] = [
 ];
 /// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it, what became of the
 /// pictures.
-const ADDED: [&str; 7] =
-    ["contacts_with_people", "model", "kind", "interrupted", "images", "images_without_masks", "segmenter_error"];
+const ADDED: [&str; 9] = [
+    "contacts_with_people",
+    "keep_out_entries",
+    "zones",
+    "model",
+    "kind",
+    "interrupted",
+    "images",
+    "images_without_masks",
+    "segmenter_error",
+];
 
 const FILES: [&str; 14] = [
     "summary.json",

@@ -38,6 +38,7 @@ impl Mission {
             let news = self.world.vision.as_mut().map(VisionVerifier::take_news).unwrap_or_default();
             self.journal.notes.extend(news.into_iter().map(|sentence| (t_s, sentence)));
             self.body.replan(&self.world, &mut self.journal.clock);
+            self.refuse_to_stand_in_a_zone();
         }
 
         // 2. Begin: a first look all round, in a known building until it shows where in it the robot stands, and off the floor.
@@ -50,9 +51,8 @@ impl Mission {
         }
         if t_s >= self.config.first_look_s && has_pose {
             self.find_itself(t_s);
-            if let Err(reason) = self.body.begin(&self.world)
-                && self.outcome.is_none()
-            {
+            let may_begin = self.outcome.is_none() && !self.waits_for_zones();
+            if may_begin && let Err(reason) = self.body.begin(&self.world) {
                 self.finish(Outcome::GaveUp { reason: reason.into() });
             }
         }

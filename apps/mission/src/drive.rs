@@ -7,6 +7,7 @@ use robot_model::RobotModel;
 use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::Command;
+use crate::zones::Zones;
 
 /// Standing blocked so long is one failed attempt.
 const PATIENCE_S: f64 = 4.0;
@@ -59,6 +60,11 @@ impl Drive {
             clearance_m: f64::INFINITY,
             config,
         })
+    }
+
+    /// Is slow from now on where the zones say so.
+    pub fn limit_speed(&mut self, zones: &Zones) {
+        self.policy.limit_speed(zones.speed_zones());
     }
 
     /// Takes a new goal; the old one is forgotten.

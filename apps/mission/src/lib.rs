@@ -71,6 +71,7 @@ pub mod unitree;
 pub mod vision_config;
 pub mod vision_verifier;
 pub mod world_model;
+pub mod zones;
 
 // The parts, for those who hold a mission: the arena and the toolbox see the crates of the robot's side only through it.
 pub use dsg;

@@ -17,6 +17,7 @@ use crate::returning::WayHome;
 use crate::standstill::Standstill;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
+use crate::zones::ZoneFrame;
 
 /// How a mission ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +74,7 @@ pub struct Mission {
     pub(crate) standstill: Standstill,
     pub(crate) t_moved_s: Option<Stamp>,
     pub(crate) is_interrupted: bool,
+    has_checked_zones: bool,
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
     pub(crate) step_index: usize,
@@ -98,7 +100,7 @@ impl Mission {
     pub fn new(
         robot: &RobotModel,
         instruction: &str,
-        config: MissionConfig,
+        mut config: MissionConfig,
         camera: Equirectangular,
         reasoner: Mind,
         start: Stamp,
@@ -108,6 +110,10 @@ impl Mission {
         let instruction = parse_instruction(instruction);
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
+        }
+        if config.zones.frame == ZoneFrame::Start {
+            config.zones.check_start(&robot.footprint, &Isometry3::identity())?;
+            config.zones = config.zones.moved(world_from_body); // from now on in the frame of the odometry
         }
         let odometer = config.odometry.odometer(robot, world_from_body)?;
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
@@ -131,6 +137,7 @@ impl Mission {
             standstill: Standstill::default(),
             t_moved_s: None,
             is_interrupted: false,
+            has_checked_zones: false,
             interest: Vec::new(),
             nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
             step_index: 0,
@@ -176,6 +183,19 @@ impl Mission {
     /// What the segmenter should always look for.
     pub fn standing_phrases(&self) -> &[String] {
         &self.config.standing_phrases
+    }
+
+    /// Once the zones lie in the map: who stands in one that it must keep out of does not move.
+    pub(crate) fn refuse_to_stand_in_a_zone(&mut self) {
+        let (false, Some(odometry), Some(zones)) =
+            (self.has_checked_zones, &self.world.odometry, self.world.placed_zones())
+        else {
+            return;
+        };
+        self.has_checked_zones = true;
+        if let Err(error) = zones.check_start(&self.robot.footprint, &odometry.world_from_body) {
+            self.finish(Outcome::GaveUp { reason: error.to_string() });
+        }
     }
 
     /// The robot that carries it out.

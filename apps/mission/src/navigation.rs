@@ -9,6 +9,8 @@ use robot_model::{RobotKind, RobotModel};
 use rustc_hash::FxHashSet;
 use volumetric_map::{Cell, OccupancyGrid, Volume};
 
+use crate::zones::{MARGIN_M, Zones};
+
 /// On the ground the route may cut this much into the circle that the robot sweeps when it turns: through a door it goes straight,
 /// and the local policy keeps the true outline clear whatever the route says. Without it a door of 1.0 m, drawn with cells of
 /// 5 cm at an odd angle, closes.
@@ -61,6 +63,7 @@ impl NavigationMap {
 
     /// Cuts the volume at the robot's height. `floor_m` is the height of the floor in the map, `body_height_m` the height
     /// at which the body moves above it, `blind_m` how far from the body's middle the floor comes into sight.
+    /// Zones to keep out of are as good as walls here, and only here: rooms and things know nothing of them.
     pub fn refresh(
         &mut self,
         volume: &Volume,
@@ -69,6 +72,7 @@ impl NavigationMap {
         floor_m: f64,
         body_height_m: f64,
         blind_m: f64,
+        zones: &Zones,
     ) {
         let (low_m, high_m) = robot.height_span_m;
         self.grid = match robot.kind {
@@ -101,6 +105,7 @@ impl NavigationMap {
                 }
             }
         }
+        self.close(zones);
         let blocked: Vec<bool> = self.grid.cells.iter().map(|cell| *cell != Cell::Free).collect();
         let view = GridView {
             origin: self.grid.origin,
@@ -110,6 +115,28 @@ impl NavigationMap {
             blocked: &blocked,
         };
         self.graph = VisibilityGraph::build(&view, self.clearance_m).ok();
+    }
+
+    /// Every cell that a zone to keep out of touches, with its margin, is occupied.
+    fn close(&mut self, zones: &Zones) {
+        let resolution_m = self.grid.resolution_m;
+        let reach_m = std::f64::consts::FRAC_1_SQRT_2 * resolution_m;
+        let grow = nalgebra::Vector2::repeat(MARGIN_M + reach_m);
+        for keep_out in &zones.keep_out {
+            let (low, high) = keep_out.zone.bounds();
+            let range = |low: f64, high: f64, origin: f64, count: usize| {
+                let cell = |x: f64| ((x - origin) / resolution_m).floor();
+                cell(low).max(0.0) as usize..(cell(high) + 1.0).clamp(0.0, count as f64) as usize
+            };
+            let (low, high) = (low - grow, high + grow);
+            for iy in range(low.y, high.y, self.grid.origin.y, self.grid.height) {
+                for ix in range(low.x, high.x, self.grid.origin.x, self.grid.width) {
+                    if keep_out.zone.distance_m(&self.grid.center(ix, iy)) <= MARGIN_M + reach_m {
+                        self.grid.cells[iy * self.grid.width + ix] = Cell::Occupied;
+                    }
+                }
+            }
+        }
     }
 
     fn remember_footprint(&mut self, at: &Point2<f64>, reach_m: f64) {
