@@ -12,6 +12,7 @@ use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates}
 use mission::zones::{ZoneFrame, Zones, ZonesError};
 
 use crate::options::Options;
+use crate::orders::Orders;
 use crate::progress::ProgressView;
 use crate::run::{Progress, RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
@@ -88,6 +89,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
+    let orders = Orders::open(options.commands.as_deref(), options.quiet)?;
     let mut vehicle = open_vehicle(options, &robot, &start, &stop, &mut config)?;
 
     // Everything that can be refused has been: only now is anything written.
@@ -103,11 +105,12 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         known,
         seed: options.seed,
         vehicle: vehicle.as_deref_mut(),
+        orders,
     };
     let result = run(setup, &stop, &mut |progress| show(&view, progress))?;
     view.finish();
 
-    write_run(&folder, &result, &scene, &task)?;
+    write_run(&folder, &result, &scene)?;
     let path = folder.publish()?;
     let summary = &result.summary;
     crate::say!("{}", summary.reason);

@@ -19,6 +19,7 @@ pub mod lab_survey;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
+pub mod orders;
 pub mod people;
 pub mod pilot;
 pub mod progress;

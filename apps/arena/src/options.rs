@@ -107,6 +107,12 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub zones: Option<PathBuf>,
 
+    /// Steer the run: a file of lines "12.5 pause", "20 resume", "31 find the plant in the office", "40 cancel" (seconds, then what
+    /// to say), or - for lines without times from standard input. Without it a terminal is listened to: pause, resume, cancel, and
+    /// any other line is a new instruction
+    #[arg(long, value_name = "FILE")]
+    pub commands: Option<PathBuf>,
+
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
     pub people: u32,

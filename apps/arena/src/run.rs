@@ -16,7 +16,7 @@ use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
-use mission::robot_model::RobotModel;
+use mission::robot_model::{RobotKind, RobotModel};
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
@@ -27,6 +27,7 @@ use omni_sim::crowd::CrowdConfig;
 use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
+use crate::orders::{Orders, say_to};
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
@@ -128,6 +129,19 @@ pub struct Progress {
     pub is_news: bool,
 }
 
+impl Progress {
+    /// What is known now.
+    fn of(mission: &Mission) -> Progress {
+        Progress {
+            rooms: mission.world.graph.rooms().count(),
+            objects: mission.world.graph.confirmed_objects().count(),
+            decisions: mission.journal.decisions.len(),
+            left_m: mission.distance_left_m(),
+            ..Progress::default()
+        }
+    }
+}
+
 /// The truth of a run, for `truth/`.
 #[derive(Debug, Clone, Default)]
 pub struct TruthLog {
@@ -147,6 +161,8 @@ pub struct TruthLog {
 pub struct RunResult {
     /// Figures.
     pub summary: Summary,
+    /// What was judged: the last instruction.
+    pub task: Task,
     /// The robot's side at the end.
     pub mission: Mission,
     /// The world's side.
@@ -173,7 +189,7 @@ pub struct Setup<'a> {
     pub robot: &'a RobotModel,
     /// Where.
     pub scene: &'a Scene,
-    /// What for.
+    /// What for, to begin with.
     pub task: &'a Task,
     /// Pose of the body in the building at the start.
     pub start: &'a Isometry3<f64>,
@@ -183,6 +199,8 @@ pub struct Setup<'a> {
     pub seed: u64,
     /// Moves in place of the simulated body, in real time: building and sensors are simulated where it is.
     pub vehicle: Option<&'a mut (dyn Vehicle + 'static)>,
+    /// What a person says meanwhile.
+    pub orders: Orders,
 }
 
 /// Runs one mission. `stop` is looked at once per control period.
@@ -190,7 +208,8 @@ pub struct Setup<'a> {
 /// # Errors
 /// What cannot be set up, and a simulation that breaks. A flight that ends early is a result.
 pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Progress)) -> Result<RunResult> {
-    let Setup { config, robot, scene, task, start, known, seed, mut vehicle } = setup;
+    let Setup { config, robot, scene, task, start, known, seed, mut vehicle, mut orders } = setup;
+    let mut task = task.clone();
     let (wall, cpu) = (Instant::now(), config.cpu_scope.now());
     let upright;
     let robot = if config.simulation.is_lidar_fixed {
@@ -247,6 +266,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
     let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
     let mut last = *start;
+    // Where the robot stood when it heard the instruction that is judged, and how far it had come.
+    let mut asked = (start_at, 0.0);
     let mut trouble = None;
     let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
     loop {
@@ -258,7 +279,22 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
-        command = mission.cycle(simulation.now());
+        let now = simulation.now();
+        while let Some(control) = orders.next(mission.seconds(now)) {
+            let heard = say_to(&mut mission, &control, &scene.building, now);
+            let activity = match &heard {
+                Ok(_) => format!("told: {}", control.line()),
+                Err(why) => format!("told: {}; it goes on as before, for {why}", control.line()),
+            };
+            report(&Progress { sim_s: now_s, activity, is_news: true, ..Progress::of(&mission) });
+            if let Ok(Some(other)) = heard {
+                task = other;
+                asked = (Point2::from(last.translation.vector.xy()), path_m);
+                (judged, truth.steps) = (0, Vec::new());
+                simulation.set_phrases(mission.phrases(), mission.standing_phrases().to_vec());
+            }
+        }
+        command = mission.cycle(now);
         if let Some(estimate) = mission.odometry() {
             simulation.hear(estimate);
         }
@@ -290,15 +326,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             let activity = mission.activity();
             let is_news = activity != last_activity;
             last_activity.clone_from(&activity);
-            report(&Progress {
-                sim_s: now_s,
-                activity,
-                rooms: mission.world.graph.rooms().count(),
-                objects: mission.world.graph.confirmed_objects().count(),
-                decisions: mission.journal.decisions.len(),
-                left_m: mission.distance_left_m(),
-                is_news,
-            });
+            report(&Progress { sim_s: now_s, activity, is_news, ..Progress::of(&mission) });
         }
         if mission.is_over() {
             settle_s += STEP_NS as f64 * 1e-9;
@@ -326,7 +354,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     }
     truth.touches = simulation.touches().to_vec();
     truth.zones = zones.zones().clone();
-    let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
+    let (mut success, mut reason) = verdict(&mission, &task, &truth, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();
@@ -335,11 +363,12 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             (success, reason) = (false, format!("The {} ended early: {why:#}.", vehicle.deed()));
         }
     }
-    let shortest_m = referee.shortest_m(&task.steps, &start_at);
+    let shortest_m = referee.shortest_m(&task.steps, &asked.0);
+    let driven_m = path_m - asked.1;
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
             // Whoever starts at a right place has driven no detour.
-            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
+            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / driven_m.max(shortest_m) }
         }
         _ => 0.0,
     };
@@ -353,7 +382,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         scene: scene.name.clone(),
         seed,
         instruction: task.text.clone(),
-        kind: kind_word(task),
+        kind: kind_word(&task),
         target: match &mission.outcome {
             Some(Outcome::Stopped { target, .. }) => target.clone(),
             _ => String::new(),
@@ -380,7 +409,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         interrupted: mission.is_interrupted(),
         stages,
     };
-    Ok(RunResult { summary, mission, truth })
+    Ok(RunResult { summary, task, mission, truth })
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
@@ -394,6 +423,10 @@ pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
 
 /// Success and the sentence that explains it.
 fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, max_time_s: f64) -> (bool, String) {
+    if let Some(cancelled_s) = mission.cancelled_s() {
+        let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };
+        return (false, format!("The run was cancelled after {cancelled_s:.1} s; the robot {rests}."));
+    }
     if mission.is_interrupted() {
         return (false, "The run was interrupted; the robot stopped safely.".into());
     }

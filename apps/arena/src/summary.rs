@@ -22,7 +22,7 @@ pub struct Summary {
     pub scene: String,
     /// Seed of noise, drift and start.
     pub seed: u64,
-    /// What the robot heard.
+    /// What the robot heard, the last of it.
     pub instruction: String,
     /// Kind of instruction.
     pub kind: String,
@@ -30,9 +30,9 @@ pub struct Summary {
     pub target: String,
     /// Length of the true path.
     pub path_m: f64,
-    /// Length of the shortest way that does what was asked; `null` if there is none.
+    /// Length of the shortest way that does what was asked, from where the robot heard it; `null` if there is none.
     pub shortest_m: Option<f64>,
-    /// Success weighted by path length.
+    /// Success weighted by path length, from where the robot heard what is judged.
     pub spl: f64,
     /// Simulated time.
     pub sim_s: f64,

@@ -152,6 +152,14 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
+    /// Nothing counts as looked at any more: something is looked for that nobody looked for before.
+    pub fn look_again(&mut self) {
+        self.inspected.clear();
+        self.given_up.clear();
+        self.postponed.clear();
+        self.strictness = 1.0;
+    }
+
     /// Offers at the next update what was left alone, and patches half as large as before.
     pub fn reconsider(&mut self) {
         self.postponed.values_mut().for_each(|postponed| postponed.until_s = f64::NEG_INFINITY);

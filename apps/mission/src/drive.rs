@@ -112,7 +112,7 @@ impl Drive {
                 self.attempts += 1;
                 if self.attempts >= self.config.max_attempts {
                     self.path.clear();
-                    self.status = GoalStatus::Failed("no way through what is known");
+                    self.status = GoalStatus::Failed(navigation.obstacle_at(&target).reason());
                 }
             }
         }

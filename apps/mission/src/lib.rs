@@ -39,6 +39,7 @@ pub mod movers;
 pub mod navigation;
 pub mod odometer;
 pub mod odometry_run;
+pub mod offering;
 pub mod openai;
 pub mod overhead;
 pub mod people;
@@ -62,6 +63,7 @@ pub mod segmenter_http;
 pub mod snapshot;
 pub mod stage_clock;
 mod standstill;
+pub mod steering;
 pub mod stream;
 #[cfg(test)]
 mod test_events;

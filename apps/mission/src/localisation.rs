@@ -111,7 +111,8 @@ impl Mission {
 
     /// While the robot is lost: tries to recognise what it has seen, goes on to see more, or gives up.
     pub(crate) fn find_itself(&mut self, t_s: f64) {
-        if self.lost.is_none() || self.outcome.is_some() || self.is_interrupted || !self.may_try(t_s) {
+        let is_held = self.outcome.is_some() || self.is_interrupted || self.is_paused;
+        if self.lost.is_none() || is_held || !self.may_try(t_s) {
             return;
         }
         let (Some(lost), Some(looks)) = (&mut self.lost, &self.world.looks) else { return };

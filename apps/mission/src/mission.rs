@@ -74,6 +74,8 @@ pub struct Mission {
     pub(crate) standstill: Standstill,
     pub(crate) t_moved_s: Option<Stamp>,
     pub(crate) is_interrupted: bool,
+    pub(crate) is_paused: bool,
+    pub(crate) cancelled_s: Option<f64>,
     has_checked_zones: bool,
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
@@ -137,6 +139,8 @@ impl Mission {
             standstill: Standstill::default(),
             t_moved_s: None,
             is_interrupted: false,
+            is_paused: false,
+            cancelled_s: None,
             has_checked_zones: false,
             interest: Vec::new(),
             nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
@@ -220,7 +224,10 @@ impl Mission {
 
     /// Whether nothing is left to do: an outcome, or stopped by a person and at rest.
     pub fn is_over(&self) -> bool {
-        self.outcome.is_some() || (self.is_interrupted && self.body.is_down())
+        const RESTING_MPS: f64 = 0.05;
+        // Who does not know where it is does not know its speed either.
+        let rests = || self.world.odometry.is_none_or(|odometry| odometry.velocity_in_world_mps.norm() < RESTING_MPS);
+        self.outcome.is_some() || (self.is_interrupted && self.body.is_down() && (!self.has_pose() || rests()))
     }
 
     /// One line for people: what it is doing now.
@@ -229,6 +236,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.is_paused && self.body.emergency().is_none() => "paused".into(),
             None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {

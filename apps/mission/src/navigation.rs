@@ -32,6 +32,8 @@ pub struct NavigationMap {
     stood_on: FxHashSet<(i64, i64)>,
     clearance_m: f64,
     radius_m: f64,
+    /// As they were at the last refresh.
+    pub(crate) zones: Zones,
 }
 
 impl NavigationMap {
@@ -53,6 +55,7 @@ impl NavigationMap {
                 RobotKind::Aerial => radius_m,
             },
             radius_m,
+            zones: Zones::default(),
         }
     }
 
@@ -106,6 +109,7 @@ impl NavigationMap {
             }
         }
         self.close(zones);
+        self.zones.clone_from(zones);
         let blocked: Vec<bool> = self.grid.cells.iter().map(|cell| *cell != Cell::Free).collect();
         let view = GridView {
             origin: self.grid.origin,
@@ -186,8 +190,12 @@ impl NavigationMap {
     /// How much room the robot lacks at `point` to turn on the spot with a hand's breadth to spare; 0 where it has it.
     pub fn lacking_m(&self, point: &Point2<f64>) -> f64 {
         const SPARE_M: f64 = 0.08;
-        let clearance_m = self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point));
-        (self.radius_m + SPARE_M - clearance_m).max(0.0)
+        (self.radius_m + SPARE_M - self.clearance_at(point)).max(0.0)
+    }
+
+    /// Distance to the nearest cell that is not free, up to 2 m.
+    pub fn clearance_at(&self, point: &Point2<f64>) -> f64 {
+        self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point))
     }
 
     /// Middles of the occupied cells within `range_m` of `center`: what the last scans may not show because they are

@@ -21,6 +21,8 @@ pub struct Pending {
     revision: u64,
     pose: [f64; 4],
     answer: Waiting,
+    /// Nobody wants the answer any more; a model that is thinking is waited for all the same, for there is one of it.
+    is_dropped: bool,
 }
 
 #[allow(clippy::large_enum_variant)] // there is one of it
@@ -134,7 +136,7 @@ impl Mission {
             }
             None => return,
         };
-        self.pending = Some(Pending { asked_s: t_s, revision, pose, answer });
+        self.pending = Some(Pending { asked_s: t_s, revision, pose, answer, is_dropped: false });
     }
 
     /// Before the robot guesses or gives up: what failed is tried again, and patches that it can only look into count too.
@@ -154,11 +156,11 @@ impl Mission {
     /// Takes an answer that has come in, verifies it at the present revision, and acts on it.
     pub(crate) fn take_answer(&mut self, t_s: f64) {
         let Some(pending) = self.pending.take() else { return };
-        let Pending { asked_s, revision, pose, answer } = pending;
+        let Pending { asked_s, revision, pose, answer, is_dropped } = pending;
         let answer = match answer {
             Waiting::Due(due_s, answer) if t_s >= due_s => *answer,
             Waiting::Due(..) => {
-                self.pending = Some(Pending { asked_s, revision, pose, answer });
+                self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                 return;
             }
             Waiting::Thread(receiver) => match receiver.try_recv() {
@@ -170,7 +172,8 @@ impl Mission {
                     answer
                 }
                 Err(TryRecvError::Empty) => {
-                    self.pending = Some(Pending { asked_s, revision, pose, answer: Waiting::Thread(receiver) });
+                    let answer = Waiting::Thread(receiver);
+                    self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                     return;
                 }
                 Err(TryRecvError::Disconnected) => {
@@ -180,6 +183,9 @@ impl Mission {
                 }
             },
         };
+        if is_dropped {
+            return;
+        }
         let Some(now) = self.snapshot() else { return };
         let mut entry = self.entry(t_s, asked_s, revision, pose, &answer);
         entry.verdict_revision = now.graph.revision();
@@ -210,6 +216,14 @@ impl Mission {
                     self.next_decision_s = t_s;
                 }
             }
+        }
+    }
+
+    /// The question that was asked, if any, is about something that nobody wants any more.
+    pub(crate) fn drop_question(&mut self) {
+        match &mut self.pending {
+            Some(Pending { answer: Waiting::Thread(_), is_dropped, .. }) => *is_dropped = true,
+            pending => *pending = None,
         }
     }
 

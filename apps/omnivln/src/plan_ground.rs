@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use arena::mission::planner::PolygonMap;
+use arena::mission::planner::{NoWay, PolygonMap};
 use clap::Args;
 use nalgebra::Point2;
 use serde::Deserialize;
@@ -62,7 +62,9 @@ pub fn run(options: &PlanGroundOptions) -> Result<ExitCode> {
                 json!({"length": way.length, "query_us": 1e3 * query_ms, "path": path})
             }
             Err(error) => {
-                json!({"length": null, "query_us": 1e3 * query_ms, "path": [], "reason": error.to_string()})
+                let nearest = nearest_of(&error).map(|p| [p.x, p.y]);
+                let reason = error.to_string();
+                json!({"length": null, "query_us": 1e3 * query_ms, "path": [], "reason": reason, "nearest": nearest})
             }
         });
     }
@@ -86,6 +88,16 @@ pub fn run(options: &PlanGroundOptions) -> Result<ExitCode> {
         }
     }
     Ok(if found == count { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The place that is offered instead: the nearest free one to the start, or that can be reached to the goal.
+fn nearest_of(error: &NoWay) -> Option<Point2<f64>> {
+    match error {
+        NoWay::NotFinite => None,
+        NoWay::StartBlocked { nearest, .. } | NoWay::GoalBlocked { nearest, .. } | NoWay::Unreachable { nearest } => {
+            Some(*nearest)
+        }
+    }
 }
 
 /// The result, and the shortest time of so many runs (ms): what others did on the machine meanwhile is not in it.

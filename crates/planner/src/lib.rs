@@ -114,7 +114,8 @@ pub use ground::{
     grid::{GridView, GroundError},
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
-    polygon_map::{NoWay, PolygonError, PolygonMap, PolygonRoute},
+    polygon_map::{NoWay, Obstruction, PolygonError, PolygonMap, PolygonRoute},
+    route::Unreached,
     traffic::GroundMover,
     visibility::{Route, VisibilityGraph},
 };
