@@ -302,7 +302,18 @@ impl Coverage {
         })
     }
 
-    fn cell_of(&self, point: &Point2<f64>) -> (i32, i32) {
+    /// Edge of a cell.
+    pub fn cell_m(&self) -> f64 {
+        self.config.cell_m
+    }
+
+    /// Distance up to which things are recognised.
+    pub fn inspect_range_m(&self) -> f64 {
+        self.config.inspect_range_m
+    }
+
+    /// The cell that holds a point.
+    pub fn cell_of(&self, point: &Point2<f64>) -> (i32, i32) {
         ((point.x / self.config.cell_m).floor() as i32, (point.y / self.config.cell_m).floor() as i32)
     }
 

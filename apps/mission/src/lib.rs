@@ -26,6 +26,7 @@ pub mod error;
 pub mod flanks;
 pub mod flight_limits;
 pub mod fly;
+pub mod gain;
 pub mod goal;
 pub mod graph_builder;
 pub mod http_post;

@@ -96,7 +96,12 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
             likelihood *= if is_frontier { 1.4 } else { 2.0 };
         }
         let gain = if is_frontier {
-            0.5 + 0.5 * (f64::from(place.frontier_cells) / 40.0).min(1.0)
+            let counted = situation.gain_m2.and_then(|gain_m2| gain_m2(id));
+            match (std::env::var("GAIN").as_deref(), counted) {
+                (Ok("a"), Some(area)) => 0.5 + 0.5 * (area / 8.0).min(1.0),
+                (Ok("b"), Some(area)) => (area / 8.0).clamp(0.2, 1.5),
+                _ => 0.5 + 0.5 * (f64::from(place.frontier_cells) / 40.0).min(1.0),
+            }
         } else if small {
             0.6
         } else {
