@@ -5,6 +5,7 @@ mod support;
 use arena::mission::mission::Outcome;
 use arena::mission::robot_model::RobotKind;
 use arena::mission::zones::Zones;
+use arena::omni_sim::building::ObjectTruth;
 use arena::run::{RunConfig, RunResult};
 use nalgebra::{Isometry2, Isometry3, Point2};
 use support::{coarse, robot, run_from, scene, start};
@@ -75,15 +76,25 @@ fn an_aerial_robot_goes_round_a_zone_and_slowly_through_another() {
     goes_round_and_slowly(RobotKind::Aerial);
 }
 
-/// All within two metres of the sofa is closed.
+/// All round the largest thing of its kind that is far enough from the start is closed.
 #[test]
 fn a_target_in_a_zone_is_said_to_lie_there() {
     let (robot, scene) = (robot(RobotKind::Ground), scene("spin"));
     let start = start(&scene, &robot, &coarse(1.0), SEED);
-    let sofa = scene.building.objects.iter().find(|object| object.class == "sofa").expect("a sofa");
-    let at = Point2::from(sofa.bounds.center().xy());
-    let half_m = 0.5 * (sofa.bounds.max - sofa.bounds.min).xy().max() + 1.4;
-    let result = run_from(&with(file(&start, &at, half_m, "keep_out", "")), &robot, &scene, TEXT, &start, SEED);
+    const CLOSED_M: f64 = 1.2;
+    let objects = &scene.building.objects;
+    let size = |object: &ObjectTruth| (object.bounds.max - object.bounds.min).xy().max();
+    let is_far = |object: &&ObjectTruth| {
+        let away = (object.bounds.center().xy() - Point2::from(start.translation.vector.xy())).abs().max();
+        away > 0.5 * size(object) + CLOSED_M + 0.6
+    };
+    let is_alone = |object: &&ObjectTruth| objects.iter().filter(|other| other.class == object.class).count() == 1;
+    let large = objects.iter().filter(is_far).filter(is_alone).max_by(|a, b| size(a).total_cmp(&size(b)));
+    let target = large.expect("something is far enough");
+    let at = Point2::from(target.bounds.center().xy());
+    let half_m = 0.5 * size(target) + CLOSED_M;
+    let text = format!("find the {}", target.class);
+    let result = run_from(&with(file(&start, &at, half_m, "keep_out", "")), &robot, &scene, &text, &start, SEED);
     assert_eq!(result.summary.keep_out_entries, 0);
     let Some(Outcome::GaveUp { reason }) = &result.mission.outcome else { panic!("{}", result.summary.reason) };
     println!("{reason}");

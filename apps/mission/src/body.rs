@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use planner::{AirSpace, GroundMover};
 use robot_model::{RobotKind, RobotModel};
 
+use crate::closed_air::ClosedAir;
 use crate::config::MissionConfig;
 use crate::drive::{Drive, DriveConfig};
 use crate::emergency::Emergency;
@@ -177,39 +178,12 @@ impl Body {
     }
 }
 
-/// Zones to keep out of as a planner in the air sees them: posts from the floor to the sky.
-struct Columns<'a> {
-    posts: &'a [Point2<f64>],
-}
-
-impl Columns<'_> {
-    /// Points of the posts in a box, one above the other at a cell of the map.
-    fn within(&self, low: &Point3<f64>, high: &Point3<f64>) -> Vec<Point3<f64>> {
-        const STEP_M: f64 = 0.1;
-        let steps = ((high.z - low.z) / STEP_M).floor().max(0.0) as usize;
-        let inside = |post: &&Point2<f64>| (0..2).all(|axis| (low[axis]..=high[axis]).contains(&post[axis]));
-        let column = |post: &Point2<f64>| {
-            let (x, y, z) = (post.x, post.y, low.z);
-            (0..=steps).map(move |step| Point3::new(x, y, z + step as f64 * STEP_M))
-        };
-        self.posts.iter().filter(inside).flat_map(column).collect()
-    }
-}
-
 /// The world as a planner asks about it: the map, the zones to keep out of, and what the graph says moves.
 fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
     let movers = world.odometry.map_or_else(Vec::new, |odometry| movers(&world.graph, odometry.stamp));
-    let posts = Columns { posts: world.zone_posts() };
-    let far_m = world.field.max_distance_m();
-    // Inside a zone nothing has to be known: there is no way.
-    let distance = |point: &Point3<f64>| match (world.field.distance(point), world.zones.kept_m(&point.xy(), far_m)) {
-        (None, kept_m) => (kept_m < 0.0).then_some(kept_m),
-        (Some(distance_m), kept_m) => Some(distance_m.min(kept_m)),
-    };
-    let obstacles = |low: &Point3<f64>, high: &Point3<f64>| {
-        let mut points = world.field.occupied_points(low, high);
-        points.extend(posts.within(low, high));
-        points
-    };
+    let closed = ClosedAir { zones: &world.zones, posts: world.zone_posts(), far_m: world.field.max_distance_m() };
+    let distance = |point: &Point3<f64>| closed.distance_m(point, world.field.distance(point));
+    let obstacles =
+        |low: &Point3<f64>, high: &Point3<f64>| closed.obstacles(low, high, world.field.occupied_points(low, high));
     ask(&AirSpace { distance: &distance, obstacles: &obstacles, movers: &movers })
 }

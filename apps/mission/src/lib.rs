@@ -17,6 +17,7 @@ pub mod autopilot;
 pub mod blind_spot;
 pub mod body;
 pub mod chat_stream;
+pub mod closed_air;
 pub mod config;
 pub mod coverage;
 pub mod cycle;

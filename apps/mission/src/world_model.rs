@@ -15,6 +15,7 @@ use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
 use crate::blind_spot::BlindSpot;
+use crate::closed_air::POST_SPACING_M;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -537,10 +538,10 @@ impl WorldModel {
     /// Puts the zones where they belong in the map, once that has its frame. Zones of a known map wait until the robot knows where in it
     /// it is.
     fn place_zones(&mut self) {
-        // Closer than the robot is wide; in the air a planner keeps its ball from each post, and every height has its own.
+        // On the ground closer than any robot is wide.
         let spacing_m = match self.robot.kind {
             RobotKind::Ground => 0.03,
-            RobotKind::Aerial => 0.08,
+            RobotKind::Aerial => POST_SPACING_M,
         };
         let Frame::Set(frame) = self.frame else { return };
         let is_waiting = self.config.zones.frame == ZoneFrame::Map && self.looks.is_some();
