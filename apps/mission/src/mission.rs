@@ -1,5 +1,6 @@
 //! The mission: an instruction, a robot, and everything it knows and has done so far.
 
+use dsg::PlaceId;
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
 use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
@@ -200,6 +201,11 @@ impl Mission {
         if let Err(error) = zones.check_start(&self.robot.footprint, &odometry.world_from_body) {
             self.finish(Outcome::GaveUp { reason: error.to_string() });
         }
+    }
+
+    /// Frontiers that the robot could still go to, by the rule of reasoner and critic: empty where a search has ended.
+    pub fn places_left(&mut self) -> Vec<PlaceId> {
+        self.snapshot().map_or_else(Vec::new, |snapshot| snapshot.places_left(&self.critic))
     }
 
     /// The robot that carries it out.

@@ -195,6 +195,12 @@ impl Mission {
             self.unsure += 1;
             const PATIENCE: u32 = 20;
             if self.unsure >= PATIENCE {
+                // Nobody could be agreed with, and yet there is somewhere to look: there, before anything is given up.
+                if let Some(place) = now.places_left(&self.critic).first().copied() {
+                    self.unsure = 0;
+                    self.act(Action::Explore(place), t_s);
+                    return;
+                }
                 let reason = "No action passed the critic any more, so the search is over.".into();
                 self.finish(Outcome::GaveUp { reason });
             }

@@ -46,7 +46,14 @@ pub struct Snapshot {
 impl Snapshot {
     /// Whether nothing is left to search, by the rule of reasoner and critic.
     pub(crate) fn search_is_over(&self, critic: &Critic) -> bool {
-        self.with_situation(|situation| !candidates(situation, &critic.grounding).has_search_left())
+        self.places_left(critic).is_empty()
+    }
+
+    /// The reachable places that are left to search, best first.
+    pub(crate) fn places_left(&self, critic: &Critic) -> Vec<PlaceId> {
+        self.with_situation(|situation| {
+            candidates(situation, &critic.grounding).places.iter().map(|place| place.id).collect()
+        })
     }
 
     /// Calls `use_it` with the borrowed form that the prompt crate takes.
