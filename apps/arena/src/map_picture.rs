@@ -231,7 +231,7 @@ fn zones_of(zones: &Zones) -> Vec<(&Zone, String, &'static str)> {
 /// Where this robot can go, as a picture: reachable green, free but too narrow or cut off pale, obstacles dark, the unmeasured grey.
 pub fn navigation_img(navigation: &NavigationMap, here: &Point2<f64>) -> String {
     let grid = &navigation.grid;
-    let reach = mission::reach::ReachMap::new(grid, here, navigation.clearance_m());
+    let reach = mission::reach::ReachMap::new(grid, here, navigation.clearance_m(), &navigation.gates());
     let mut image = image::RgbImage::new(grid.width.max(1) as u32, grid.height.max(1) as u32);
     for iy in 0..grid.height {
         for ix in 0..grid.width {

@@ -39,3 +39,13 @@ fn the_narrow_door_is_refused_to_a_large_robot() {
     // It never was in the door.
     assert!(large.truth.poses.iter().all(|(_, pose)| pose.translation.vector.x < door.center.x - 0.3));
 }
+
+#[test]
+fn the_narrow_door_is_taken_by_a_small_one() {
+    let Some(a1) = official("a1_description/urdf/a1.urdf") else { return };
+    let narrow = scene("narrow-door");
+    // Too long to turn in the door: it passes lengthwise, in that direction and no other.
+    assert!(2.0 * a1.circumscribed_radius_m > narrow.building.doors[0].width_m);
+    let small = run_from(&coarse(90.0), &a1, &narrow, "go to the living room", &before_the_door(&a1), 1);
+    assert!(small.summary.success && small.summary.collisions == 0, "{}", small.summary.reason);
+}

@@ -4,7 +4,7 @@
 //! height and leaves the third dimension to the corridor of its trajectory.
 
 use nalgebra::{Isometry3, Point2};
-use planner::{GridView, VisibilityGraph};
+use planner::{GridView, GroundError, VisibilityGraph};
 use robot_model::{RobotKind, RobotModel};
 use rustc_hash::FxHashSet;
 use volumetric_map::{Cell, OccupancyGrid, Volume};
@@ -17,6 +17,10 @@ use crate::zones::{MARGIN_M, Zones};
 const GROUND_CUT_M: f64 = 0.04;
 /// ... but never nearer than this to half its width.
 const GROUND_MARGIN_M: f64 = 0.10;
+/// Through what is too narrow to turn in a ground robot goes straight. It sways by so much sideways, ...
+const SWAY_M: f64 = 0.05;
+/// ... and its heading by so much, which moves its ends.
+const SWAY_RAD: f64 = 0.14;
 /// What the robot may drive over: thresholds, carpet edges, noise of the floor.
 const STEP_M: f64 = 0.10;
 /// Room above the robot's highest point.
@@ -30,10 +34,49 @@ pub struct NavigationMap {
     graph: Option<VisibilityGraph>,
     /// Cells over which the robot has stood; they are free whatever the sensors' blind spots say.
     stood_on: FxHashSet<(i64, i64)>,
-    clearance_m: f64,
+    room: Room,
     radius_m: f64,
     /// As they were at the last refresh.
     pub(crate) zones: Zones,
+}
+
+/// Room that a robot keeps round the middle of its body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Room {
+    /// Where it may turn.
+    pub turning_m: f64,
+    /// On a straight leg between two such places, with its nose along it; `None` for a robot that makes no difference.
+    pub passing_m: Option<f64>,
+}
+
+impl Room {
+    /// What the outline in its URDF asks for.
+    pub fn of(robot: &RobotModel) -> Room {
+        let radius_m = robot.circumscribed_radius_m;
+        match robot.kind {
+            RobotKind::Ground => {
+                let farthest =
+                    |of: fn(&Point2<f64>) -> f64| robot.footprint.iter().map(|p| of(p).abs()).fold(0.0, f64::max);
+                Room {
+                    turning_m: (radius_m - GROUND_CUT_M).max(robot.inscribed_radius_m + GROUND_MARGIN_M),
+                    passing_m: Some(farthest(|p| p.y) + SWAY_M + SWAY_RAD * farthest(|p| p.x)),
+                }
+            }
+            RobotKind::Aerial => Room { turning_m: radius_m, passing_m: None },
+        }
+    }
+
+    /// The graph of ways with this room.
+    ///
+    /// # Errors
+    /// A grid or a clearance that [`VisibilityGraph::build`] refuses.
+    pub fn graph(&self, view: &GridView) -> Result<VisibilityGraph, GroundError> {
+        let graph = VisibilityGraph::build(view, self.turning_m)?;
+        Ok(match self.passing_m {
+            Some(passing_m) => graph.with_gates(passing_m),
+            None => graph,
+        })
+    }
 }
 
 impl NavigationMap {
@@ -50,10 +93,7 @@ impl NavigationMap {
             },
             graph: None,
             stood_on: FxHashSet::default(),
-            clearance_m: match robot.kind {
-                RobotKind::Ground => (radius_m - GROUND_CUT_M).max(robot.inscribed_radius_m + GROUND_MARGIN_M),
-                RobotKind::Aerial => radius_m,
-            },
+            room: Room::of(robot),
             radius_m,
             zones: Zones::default(),
         }
@@ -118,7 +158,12 @@ impl NavigationMap {
             height: self.grid.height,
             blocked: &blocked,
         };
-        self.graph = VisibilityGraph::build(&view, self.clearance_m).ok();
+        self.graph = self.room.graph(&view).ok();
+    }
+
+    /// Straight ways through places too narrow to turn in, end to end.
+    pub fn gates(&self) -> Vec<[Point2<f64>; 2]> {
+        self.graph.as_ref().map(VisibilityGraph::gates).unwrap_or_default()
     }
 
     /// Every cell that a zone to keep out of touches, with its margin, is occupied.
@@ -184,7 +229,7 @@ impl NavigationMap {
 
     /// Radius of the robot's circle with its margin.
     pub fn clearance_m(&self) -> f64 {
-        self.clearance_m
+        self.room.turning_m
     }
 
     /// How much room the robot lacks at `point` to turn on the spot with a hand's breadth to spare; 0 where it has it.
@@ -198,20 +243,30 @@ impl NavigationMap {
         self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point))
     }
 
-    /// Middles of the occupied cells within `range_m` of `center`: what the last scans may not show because they are
-    /// blind there.
-    pub fn occupied_near(&self, center: &Point2<f64>, range_m: f64) -> Vec<Point2<f32>> {
+    /// Middles of the cells within `range_m` of `center` where the robot may not be: what is occupied, which the last scans may
+    /// not show because they are blind there, and the rim of what nobody has seen, where there may be no floor.
+    pub fn barred_near(&self, center: &Point2<f64>, range_m: f64) -> Vec<Point2<f32>> {
         let reach = (range_m / self.grid.resolution_m).ceil() as i64;
         let mut points = Vec::new();
         let Some((cx, cy)) = self.grid.cell_of(center) else { return points };
-        for iy in (cy as i64 - reach).max(0)..(cy as i64 + reach + 1).min(self.grid.height as i64) {
-            for ix in (cx as i64 - reach).max(0)..(cx as i64 + reach + 1).min(self.grid.width as i64) {
-                let (ix, iy) = (ix as usize, iy as usize);
-                if self.grid.get(ix, iy) == Cell::Occupied {
-                    let middle = self.grid.center(ix, iy);
-                    if (middle - center).norm() <= range_m {
-                        points.push(Point2::new(middle.x as f32, middle.y as f32));
-                    }
+        let (width, height) = (self.grid.width as i64, self.grid.height as i64);
+        let content = |ix: i64, iy: i64| match ix >= 0 && iy >= 0 && ix < width && iy < height {
+            true => self.grid.get(ix as usize, iy as usize),
+            false => Cell::Unknown,
+        };
+        let is_rim = |ix: i64, iy: i64| {
+            [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().any(|(dx, dy)| content(ix + dx, iy + dy) == Cell::Free)
+        };
+        for iy in (cy as i64 - reach).max(0)..(cy as i64 + reach + 1).min(height) {
+            for ix in (cx as i64 - reach).max(0)..(cx as i64 + reach + 1).min(width) {
+                let is_barred = match content(ix, iy) {
+                    Cell::Free => false,
+                    Cell::Occupied => true,
+                    Cell::Unknown => is_rim(ix, iy),
+                };
+                let middle = self.grid.center(ix as usize, iy as usize);
+                if is_barred && (middle - center).norm() <= range_m {
+                    points.push(Point2::new(middle.x as f32, middle.y as f32));
                 }
             }
         }

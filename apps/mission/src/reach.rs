@@ -20,8 +20,8 @@ pub struct ReachMap {
 
 impl ReachMap {
     /// Sweeps `grid` from `start` over free cells with at least `clearance_m` around them; near the start, where the robot
-    /// may stand closer to something, less is enough.
-    pub fn new(grid: &OccupancyGrid, start: &Point2<f64>, clearance_m: f64) -> ReachMap {
+    /// may stand closer to something, less is enough, and so it is along `gates`, where it passes straight.
+    pub fn new(grid: &OccupancyGrid, start: &Point2<f64>, clearance_m: f64, gates: &[[Point2<f64>; 2]]) -> ReachMap {
         let mut map = ReachMap {
             origin: grid.origin,
             resolution_m: grid.resolution_m,
@@ -33,13 +33,14 @@ impl ReachMap {
         let free_m = clearance(grid, true);
         let needed = clearance_m as f32;
         const ESCAPE_M: f64 = 0.6;
+        let is_in_gate = cells_along(grid, gates);
         let fits = |cell: usize| {
             let near_start = || {
                 let (dx, dy) = (cell % grid.width, cell / grid.width);
                 let away = (dx as f64 - sx as f64).hypot(dy as f64 - sy as f64) * grid.resolution_m;
                 away <= ESCAPE_M && free_m[cell] > 0.1
             };
-            free_m[cell] >= needed || near_start()
+            free_m[cell] >= needed || is_in_gate[cell] || near_start()
         };
         let mut queue = BinaryHeap::new();
         let start = sy * grid.width + sx;
@@ -137,6 +138,20 @@ impl ReachMap {
     }
 }
 
+/// Which cells lie on the segments.
+fn cells_along(grid: &OccupancyGrid, segments: &[[Point2<f64>; 2]]) -> Vec<bool> {
+    let mut is_on = vec![false; grid.cells.len()];
+    for [a, b] in segments {
+        let steps = ((b - a).norm() / (0.5 * grid.resolution_m)).ceil().max(1.0) as usize;
+        for k in 0..=steps {
+            if let Some((ix, iy)) = grid.cell_of(&(a + (b - a) * (k as f64 / steps as f64))) {
+                is_on[iy * grid.width + ix] = true;
+            }
+        }
+    }
+    is_on
+}
+
 struct Visit {
     length_m: f32,
     cell: usize,
@@ -179,9 +194,13 @@ mod tests {
     fn the_way_leads_through_the_gap_or_there_is_none() {
         let start = Point2::new(1.0, 0.5);
         let goal = Point3::new(3.5, 0.5, 0.5);
-        let open = ReachMap::new(&grid(8), &start, 0.2).length_to(&goal, 1.3).unwrap();
+        let open = ReachMap::new(&grid(8), &start, 0.2, &[]).length_to(&goal, 1.3).unwrap();
         assert!(open > 2.5, "a detour: {open}");
-        assert_eq!(ReachMap::new(&grid(0), &start, 0.2).length_to(&goal, 1.3), None);
+        assert_eq!(ReachMap::new(&grid(0), &start, 0.2, &[]).length_to(&goal, 1.3), None);
+        // A gap of 0.3 m is too narrow to turn in; as a gate it counts.
+        let gate = [Point2::new(1.5, 1.85), Point2::new(2.6, 1.85)];
+        assert_eq!(ReachMap::new(&grid(3), &start, 0.25, &[]).length_to(&goal, 1.3), None);
+        assert!(ReachMap::new(&grid(3), &start, 0.25, &[gate]).length_to(&goal, 1.3).is_some());
         assert_eq!(ReachMap::default().length_to(&goal, 1.3), None);
     }
 }

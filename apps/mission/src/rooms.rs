@@ -7,6 +7,9 @@
 //! A map with three dimensions knows more than a floor plan: what ends below the lintels is furniture however large, what goes
 //! on above them is a wall however short, and a gap with something over it is a doorway ([`Overhead`]).
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
 use nalgebra::{Point2, Point3};
 use topo_ph::{
     Border, HysteresisConfig, HysteresisError, NO_PART, Partition, PinchConfig, grid_graph, pinch, pinch_from,
@@ -159,16 +162,16 @@ impl RoomMap {
             let cell = cell_of_vertex[vertex as usize] as usize;
             grid.center(cell % grid.width, cell / grid.width)
         };
-        let partition = match before {
+        let previous: Option<Vec<u32>> = before.map(|before| {
+            let part_of = |vertex: u32| before.room_of_cell_at(&center_of(vertex)).unwrap_or(NO_PART);
+            (0..graph.len() as u32).map(part_of).collect()
+        });
+        let partition = match &previous {
             None => pinch(&graph, &areas, &pinch_config)?,
-            Some(before) => {
-                let part_of = |vertex: u32| before.room_of_cell_at(&center_of(vertex)).unwrap_or(NO_PART);
-                let previous: Vec<u32> = (0..graph.len() as u32).map(part_of).collect();
-                pinch_from(&graph, &areas, &pinch_config, &previous, &HysteresisConfig::default())?
-            }
+            Some(previous) => pinch_from(&graph, &areas, &pinch_config, previous, &HysteresisConfig::default())?,
         };
-        // 5. What is narrow only because nobody has looked further is no opening: its sides are one part. What is small and cut off
-        //    (a view through a window, a gap behind a shelf) is no room.
+        // 5. What is narrow only because nobody has looked further is no opening: its sides are one part, unless they were two rooms
+        //    a moment ago. What is small and cut off (a view through a window, a gap behind a shelf) is no room.
         let clearance_at = |vertex: u32| f64::from(clearance_m[cell_of_vertex[vertex as usize] as usize]);
         let is_opening = |border: &Border| {
             let (u, v) = graph.edges()[border.edge as usize];
@@ -177,7 +180,11 @@ impl RoomMap {
             overhead.as_ref().is_some_and(|overhead| overhead.is_under_lintel(cell))
                 || lies_between_walls(&grid, (cell % grid.width, cell / grid.width), clearance_at(narrow))
         };
-        let whole_of_part = wholes(&partition, &is_opening);
+        let room_before = match &previous {
+            None => vec![None; partition.parts.len()],
+            Some(previous) => rooms_before(&partition, previous),
+        };
+        let whole_of_part = wholes(&partition, &room_before, &is_opening);
         let mut room_of_part: Vec<Option<u32>> = Vec::with_capacity(partition.parts.len());
         let mut rooms: Vec<RoomShape> = Vec::new();
         let area_of = |whole: usize| -> f64 {
@@ -261,14 +268,33 @@ impl RoomMap {
     }
 }
 
-/// For each part the first of those that it makes one with: what no opening parts is one.
-fn wholes(partition: &Partition, is_opening: &dyn Fn(&Border) -> bool) -> Vec<usize> {
+/// For each part the first of those that it makes one with: what no opening parts is one, the widest border first. Two parts of
+/// which each makes one with another room of before stay two: a slit through a wall that is not seen yet comes and goes.
+fn wholes(partition: &Partition, room_before: &[Option<u32>], is_opening: &dyn Fn(&Border) -> bool) -> Vec<usize> {
     let mut whole: Vec<usize> = (0..partition.parts.len()).collect();
-    for border in partition.borders.iter().filter(|border| !is_opening(border)) {
+    let mut room_of_whole = room_before.to_vec();
+    let mut borders: Vec<&Border> = partition.borders.iter().filter(|border| !is_opening(border)).collect();
+    borders.sort_by(|p, q| q.saddle.total_cmp(&p.saddle).then((p.a, p.b).cmp(&(q.a, q.b))));
+    for border in borders {
         let (a, b) = (whole[border.a as usize], whole[border.b as usize]);
+        let room = match (room_of_whole[a], room_of_whole[b]) {
+            (Some(one), Some(other)) if one != other => continue,
+            (one, other) => one.or(other),
+        };
         whole.iter_mut().filter(|of| **of == a || **of == b).for_each(|of| *of = a.min(b));
+        room_of_whole[a.min(b)] = room;
     }
     whole
+}
+
+/// For each part the room of before that most of it was, if any of it was one.
+fn rooms_before(partition: &Partition, previous: &[u32]) -> Vec<Option<u32>> {
+    let mut votes: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); partition.parts.len()];
+    for (part, room) in partition.part_of.iter().zip(previous).filter(|(_, room)| **room != NO_PART) {
+        *votes[*part as usize].entry(*room).or_default() += 1;
+    }
+    let most = |votes: BTreeMap<u32, usize>| votes.into_iter().max_by_key(|(room, count)| (*count, Reverse(*room)));
+    votes.into_iter().map(|votes| most(votes).map(|(room, _)| room)).collect()
 }
 
 /// A slice in which unknown slits are free: up to [`MOST_SLIT_M`] between two free cells of a row or a column.
@@ -437,6 +463,35 @@ mod tests {
             .filter(|at| (60..70).contains(&(at % width)))
             .for_each(|at| wide.cells[at] = Cell::Unknown);
         assert_eq!(RoomMap::new(&wide, None, &RoomConfig::default()).unwrap().rooms.len(), 2);
+    }
+
+    #[test]
+    fn a_slit_through_an_unseen_wall_joins_no_rooms_that_were_two() {
+        // Two rooms of 4 m x 4 m in cells of 5 cm; between them 1 m that nobody has seen, and in it a slit that comes later.
+        let seen = |slit: usize| {
+            let (width, height, resolution_m) = (182, 82, 0.05);
+            let cell = |(ix, iy): (usize, usize)| {
+                let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
+                match (81..101).contains(&ix) {
+                    true if !(40..40 + slit).contains(&iy) => Cell::Unknown,
+                    _ if is_border => Cell::Occupied,
+                    _ => Cell::Free,
+                }
+            };
+            let cells = (0..width * height).map(|at| cell((at % width, at / width))).collect();
+            OccupancyGrid { origin: Point2::origin(), resolution_m, width, height, cells }
+        };
+        let config = RoomConfig::default();
+        let rooms = |map: &RoomMap| map.rooms.len();
+        let apart = RoomMap::new(&seen(0), None, &config).unwrap();
+        assert_eq!(rooms(&apart), 2);
+        assert_eq!(rooms(&RoomMap::new(&seen(8), None, &config).unwrap()), 1, "who never saw two sees one");
+        let mut map = apart.next(&seen(8), None, &config).unwrap();
+        assert_eq!(rooms(&map), 2, "two stay two");
+        for slit in [16, 24, 32, 40] {
+            map = map.next(&seen(slit), None, &config).unwrap();
+        }
+        assert_eq!(rooms(&map.next(&seen(76), None, &config).unwrap()), 1, "what turns out to be one hall is one");
     }
 
     #[test]

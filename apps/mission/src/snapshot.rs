@@ -169,7 +169,8 @@ impl Mission {
     }
 
     pub(crate) fn reach_from(&self, here: &Point2<f64>) -> ReachMap {
-        ReachMap::new(&self.world.navigation.grid, here, self.world.navigation.clearance_m())
+        let navigation = &self.world.navigation;
+        ReachMap::new(&navigation.grid, here, navigation.clearance_m(), &navigation.gates())
     }
 
     fn remember_room(&mut self, world_from_body: &Isometry3<f64>) {

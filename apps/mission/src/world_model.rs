@@ -390,7 +390,7 @@ impl WorldModel {
         cells.into_iter().map(|(ix, iy)| Point2::new((ix as f32 + 0.5) * THIN_M, (iy as f32 + 0.5) * THIN_M)).collect()
     }
 
-    /// What the last scans show around the robot, and what the map remembers where they are blind. Gathered once per scan:
+    /// What the last scans show around the robot, and where the map knows something or has seen no floor. Gathered once per scan:
     /// between two scans nothing new is seen.
     pub fn obstacles_near(&mut self, here: &Point2<f64>) -> &[Point2<f32>] {
         const MEMORY_RANGE_M: f64 = 1.2;
@@ -400,7 +400,7 @@ impl WorldModel {
         if newest.is_none() || self.gathered.0 != newest {
             let mut points: Vec<Point2<f32>> =
                 self.obstacles.iter().flat_map(|(_, points)| points.iter().copied()).collect();
-            points.extend(self.navigation.occupied_near(here, MEMORY_RANGE_M));
+            points.extend(self.navigation.barred_near(here, MEMORY_RANGE_M));
             let near = self.zone_posts.iter().filter(|post| (*post - here).norm() <= POST_RANGE_M);
             points.extend(near.map(|post| post.cast::<f32>()));
             points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));

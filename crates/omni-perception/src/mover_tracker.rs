@@ -187,7 +187,7 @@ impl MoverTracker {
         }
         for (t, body) in of_track.into_iter().enumerate() {
             // Who stands still may have become part of the map: it is followed by what is where it stood.
-            let body = body.or_else(|| self.own_points(&self.tracks[t]));
+            let body = body.or_else(|| self.own_points(&self.tracks[t], eye));
             if let Some(body) = body {
                 self.tracks[t].update(stamp, eye, &body, &self.config);
             }
@@ -325,27 +325,31 @@ impl MoverTracker {
                     }
                 }
             }
-            bodies.extend(self.body_of(&members));
+            bodies.extend(self.body_of(&members, self.config.size_m[0]));
         }
         bodies
     }
 
-    /// What is where a believed track is expected, loose or not.
-    fn own_points(&self, track: &MoverTrack) -> Option<Body> {
+    /// What is where a believed track is expected: of one with a name anything, of one so near that only a slice of it is in view
+    /// what is loose.
+    fn own_points(&self, track: &MoverTrack, eye: &Point3<f64>) -> Option<Body> {
         const NEAR_M: f64 = 0.3;
+        const CLOSE_M: f64 = 1.2;
+        const SLICE_M: f64 = 0.05;
         let is_named = track.named.is_some_and(|named| track.stamp.seconds_since(named) <= self.config.named_s);
-        if !(track.is_believed && is_named) {
+        let is_close = (track.position - eye.xy()).norm() <= CLOSE_M;
+        if !track.is_believed || !(is_named || is_close) {
             return None;
         }
         let is_near = |cell: &Cell| {
             let middle = cell.sum / cell.count as f64;
-            (Point2::from(middle.xy()) - track.position).norm() <= NEAR_M
+            (is_named || cell.is_loose) && (Point2::from(middle.xy()) - track.position).norm() <= NEAR_M
         };
         let members: Vec<usize> = (0..self.cells.len()).filter(|k| is_near(&self.cells[*k])).collect();
-        self.body_of(&members)
+        self.body_of(&members, if is_close { SLICE_M } else { self.config.size_m[0] })
     }
 
-    fn body_of(&self, members: &[usize]) -> Option<Body> {
+    fn body_of(&self, members: &[usize], least_m: f64) -> Option<Body> {
         let cells = || members.iter().map(|k| &self.cells[*k]);
         let count: usize = cells().map(|cell| cell.count).sum();
         let low_m = cells().map(|cell| cell.low_m).fold(f64::INFINITY, f64::min);
@@ -354,7 +358,7 @@ impl MoverTracker {
             let low = cells().map(axis).min().unwrap_or(0);
             f64::from(cells().map(axis).max().unwrap_or(0) - low) * CELL_M
         };
-        let [least_m, most_m] = self.config.size_m;
+        let most_m = self.config.size_m[1];
         let is_body = count >= self.config.min_points
             && high_m - low_m >= least_m
             && side(|cell| cell.key.0).max(side(|cell| cell.key.1)) <= most_m;

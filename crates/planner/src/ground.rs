@@ -6,6 +6,7 @@
 //!     cells    --clearance, lattice--> exact distances, components: what can be reached at all
 //! start, goal  --route--> pulled into free space, Dijkstra, bends moved off the walls   (2 Hz)
 //! path, scan   --local_policy--> arcs, each with a checked stop -> velocity command     (50 Hz)
+//! the narrow   --gates--> straight legs between places with room to turn, where there is no wider way
 //! movers       --traffic--> when, not only where: a stop in time, and a second at rest before anybody is met
 //! ```
 //!
@@ -32,12 +33,14 @@ pub mod grid;
 pub mod local_policy;
 pub mod policy_config;
 pub mod polygon_map;
+pub mod raster;
 pub mod route;
 pub mod traffic;
 pub mod visibility;
 
 mod arcs;
 mod clearance;
+mod gates;
 mod lattice;
 mod motion;
 mod obstacles;

@@ -115,6 +115,7 @@ pub use ground::{
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
     polygon_map::{NoWay, Obstruction, PolygonError, PolygonMap, PolygonRoute},
+    raster::Raster,
     route::Unreached,
     traffic::GroundMover,
     visibility::{Route, VisibilityGraph},

@@ -15,9 +15,11 @@ pub(crate) struct Lattice {
     pub ny: usize,
     /// Component per lattice point, 0 = not free.
     component: Vec<u32>,
+    /// Joined though not neighbours, from a point to a point, each both ways, ascending.
+    links: Vec<(u32, u32)>,
 }
 
-const NEIGHBOURS: [(i64, i64); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+pub(crate) const NEIGHBOURS: [(i64, i64); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
 
 impl Lattice {
     /// A point counts as free if the whole edge to any free neighbour keeps `radius`: an edge of length L between
@@ -29,6 +31,7 @@ impl Lattice {
             nx,
             ny,
             component: field.squared_all().iter().map(|&d| u32::from(d >= threshold) * u32::MAX).collect(),
+            links: Vec::new(),
         };
         lattice.label();
         lattice
@@ -58,7 +61,20 @@ impl Lattice {
         }
     }
 
-    fn point(&self, k: usize) -> Point2<f64> {
+    /// Joins two free points and their components.
+    pub fn link(&mut self, ends: [usize; 2]) {
+        let [a, b] = ends.map(|k| k as u32);
+        for link in [(a, b), (b, a)] {
+            let at = self.links.partition_point(|other| *other < link);
+            self.links.insert(at, link);
+        }
+        let [kept, joined] = ends.map(|k| self.component[k]);
+        if kept != joined {
+            self.component.iter_mut().filter(|c| **c == joined).for_each(|c| *c = kept);
+        }
+    }
+
+    pub fn point(&self, k: usize) -> Point2<f64> {
         Point2::new((k % self.nx) as f64, (k / self.nx) as f64)
     }
 
@@ -136,6 +152,14 @@ impl Lattice {
                 if self.component[other] != 0 && reached < best[other].0 {
                     best[other] = (reached, node);
                     heap.push(Entry { cost: reached + bound(other), distance: reached, node: other as u32 });
+                }
+            }
+            let first = self.links.partition_point(|link| link.0 < node);
+            for &(_, other) in self.links[first..].iter().take_while(|link| link.0 == node) {
+                let reached = distance + octile(&self.point(k), &self.point(other as usize));
+                if reached < best[other as usize].0 {
+                    best[other as usize] = (reached, node);
+                    heap.push(Entry { cost: reached + bound(other as usize), distance: reached, node: other });
                 }
             }
         }

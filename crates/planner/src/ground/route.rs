@@ -4,6 +4,7 @@ use std::collections::BinaryHeap;
 
 use nalgebra::Point2;
 
+use super::gates::Gate;
 use super::lattice::Entry;
 use super::visibility::{Route, VisibilityGraph};
 
@@ -81,10 +82,11 @@ impl VisibilityGraph {
     /// The shortest route, its bends moved away from walls where there is room. `None` if there is none, if start or
     /// goal has no free point within [`MAX_PULL_M`], or if a coordinate is not finite.
     ///
-    /// Every leg keeps the clearance of the graph from every blocked square, exactly.
+    /// Every leg keeps the clearance of the graph from every blocked square, exactly; one that is a gate
+    /// ([`VisibilityGraph::with_gates`]) keeps what the gates keep.
     pub fn route(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<Route> {
         let to = self.pull(goal, None)?;
-        let from = self.pull(start, Some(to.component))?;
+        let from = self.depart(start, Some(to.component))?;
         let mut points = self.shortest(&from, &to)?;
         self.relax(&mut points);
         let resolution = self.grid.resolution_m;
@@ -103,7 +105,7 @@ impl VisibilityGraph {
     /// The reachable free point nearest to `goal`, and its distance from `goal` in metres. `None` if the start has no
     /// free point within [`MAX_PULL_M`].
     pub fn nearest_reachable(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Option<(Point2<f64>, f64)> {
-        let from = self.pull(start, None)?;
+        let from = self.depart(start, None)?;
         let to = self.grid.to_cells(goal);
         if self.is_free(&to) && self.pull(goal, None).is_some_and(|end| end.component == from.component) {
             return Some((*goal, 0.0));
@@ -112,6 +114,16 @@ impl VisibilityGraph {
         let (k, moved) = self.lattice.nearest(&to, everywhere, |k, _| self.lattice.component(k) == from.component)?;
         let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
         Some((self.grid.to_world(&at), moved * self.grid.resolution_m))
+    }
+
+    /// Where a route from `start` begins: in the gate it stands in, else in free space.
+    fn depart(&self, start: &Point2<f64>, component: Option<u32>) -> Option<End> {
+        let p = self.grid.to_cells(start);
+        let in_gate = if self.is_free(&p) { None } else { self.gate_at(&p) };
+        let Some((gate, at)) = in_gate else { return self.pull(start, component) };
+        let end = self.vertices[gate.ends[0] as usize].at;
+        let anchor = end.y as usize * self.lattice.nx + end.x as usize;
+        Some(End { at, anchor, component: self.lattice.component(anchor), moved: (at - p).norm(), gate: Some(gate) })
     }
 
     /// Moves a point into free space. With `component`, into that part of it if one can get there without touching
@@ -127,7 +139,7 @@ impl VisibilityGraph {
                 })
             };
             if let Some((k, _)) = component.and_then(|c| seen(Some(c))).or_else(|| seen(None)) {
-                return Some(End { at: p, anchor: k, component: self.lattice.component(k), moved: 0.0 });
+                return Some(End { at: p, anchor: k, component: self.lattice.component(k), moved: 0.0, gate: None });
             }
         }
         let nearest = |wanted: Option<u32>| {
@@ -138,7 +150,7 @@ impl VisibilityGraph {
         };
         let (k, moved) = component.and_then(|c| nearest(Some(c))).or_else(|| nearest(None))?;
         let at = Point2::new((k % self.lattice.nx) as f64, (k / self.lattice.nx) as f64);
-        Some(End { at, anchor: k, component: self.lattice.component(k), moved })
+        Some(End { at, anchor: k, component: self.lattice.component(k), moved, gate: None })
     }
 
     /// Whether the straight segment meets no blocked cell, except those round its first point.
@@ -160,7 +172,7 @@ impl VisibilityGraph {
         if self.is_visible(&from.at, &to.at) {
             return Some(vec![from.at, to.at]);
         }
-        let tree = self.tree(&from.at);
+        let tree = self.tree(from);
         if let Some((_, last)) = self.best_entry(&tree, &to.at) {
             let mut points = vec![to.at];
             let mut vertex = last;
@@ -180,10 +192,14 @@ impl VisibilityGraph {
     }
 
     /// Dijkstra over the vertices: per vertex (distance in cells, parent).
-    fn tree(&self, from: &Point2<f64>) -> Vec<(f64, u32)> {
+    fn tree(&self, from: &End) -> Vec<(f64, u32)> {
         let mut best = vec![(f64::INFINITY, u32::MAX); self.vertices.len()];
         let mut heap = BinaryHeap::new();
-        for (vertex, length) in self.seen_from(from) {
+        let first = match from.gate {
+            Some(gate) => gate.ends.map(|end| (end, (self.vertices[end as usize].at - from.at).norm())).to_vec(),
+            None => self.seen_from(&from.at),
+        };
+        for (vertex, length) in first {
             best[vertex as usize].0 = length;
             heap.push(Entry { cost: length, distance: length, node: vertex });
         }
@@ -222,11 +238,11 @@ impl VisibilityGraph {
         let index = match known {
             Some(index) => index,
             None => {
-                let end = self.pull(start, Some(to.component))?;
+                let end = self.depart(start, Some(to.component))?;
                 if end.component != to.component {
                     return None;
                 }
-                starts.push(Start { tree: self.tree(&end.at), end, lattice: None });
+                starts.push(Start { tree: self.tree(&end), end, lattice: None });
                 starts.len() - 1
             }
         };
@@ -323,6 +339,8 @@ struct End {
     anchor: usize,
     component: u32,
     moved: f64,
+    /// The gate it stands in, without room to turn.
+    gate: Option<Gate>,
 }
 
 /// A start with what was searched from it.

@@ -8,6 +8,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::clearance::{ClearanceField, HALF_DIAGONAL};
+use super::gates::Gate;
 use super::grid::{GridView, GroundError, PaddedGrid};
 use super::lattice::Lattice;
 use super::outline::{Corner, outlines, simplify};
@@ -46,6 +47,8 @@ pub struct VisibilityGraph {
     pub(crate) edges: Vec<Vec<(u32, f64)>>,
     /// The clearance in cells.
     pub(crate) radius: f64,
+    /// Straight legs with less room ([`VisibilityGraph::with_gates`]).
+    pub(crate) gates: Vec<Gate>,
     corners: CornerIndex,
     polygons: Vec<Vec<Point2<f64>>>,
 }
@@ -79,6 +82,7 @@ impl VisibilityGraph {
             vertices: Vec::new(),
             edges: Vec::new(),
             radius,
+            gates: Vec::new(),
             corners,
             polygons,
         };
@@ -152,10 +156,15 @@ impl VisibilityGraph {
         near + HALF_DIAGONAL >= self.radius && self.grid.distance_to_blocked(p, self.radius + 1.0) >= self.radius
     }
 
-    /// Whether the segment between two free points keeps the clearance. Exact: where the lattice cannot tell, the
-    /// convex corners near the segment are measured (the nearest point of a union of squares to a segment whose ends
-    /// are free is a convex corner, or the segment crosses the union, which the march sees).
+    /// Whether the segment between two free points keeps the clearance. Exact.
     pub(crate) fn is_visible(&self, a: &Point2<f64>, b: &Point2<f64>) -> bool {
+        self.keeps(a, b, self.radius)
+    }
+
+    /// Whether the segment between two points that are `radius` cells from every blocked square keeps that distance. Exact:
+    /// where the lattice cannot tell, the convex corners near the segment are measured (the nearest point of a union of squares
+    /// to a segment whose ends are free is a convex corner, or the segment crosses the union, which the march sees).
+    pub(crate) fn keeps(&self, a: &Point2<f64>, b: &Point2<f64>, radius: f64) -> bool {
         let across = b - a;
         let length = across.norm();
         if length < 1e-12 {
@@ -166,10 +175,10 @@ impl VisibilityGraph {
         let mut s = 0.0;
         loop {
             let distance = self.field.nearest(a.x + direction.x * s, a.y + direction.y * s);
-            if distance + HALF_DIAGONAL < self.radius {
+            if distance + HALF_DIAGONAL < radius {
                 return false;
             }
-            let spare = distance - HALF_DIAGONAL - self.radius;
+            let spare = distance - HALF_DIAGONAL - radius;
             if spare < 0.5 {
                 unsure = Some((unsure.map_or(s - 0.5, |u| u.0), s + 0.5));
             }
@@ -180,7 +189,7 @@ impl VisibilityGraph {
         }
         match unsure {
             None => true,
-            Some((low, high)) => self.corners.all_beyond(a, &direction, low.max(0.0), high.min(length), self.radius),
+            Some((low, high)) => self.corners.all_beyond(a, &direction, low.max(0.0), high.min(length), radius),
         }
     }
 
