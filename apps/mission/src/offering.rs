@@ -75,12 +75,13 @@ impl Mission {
     /// Why it gives up, and, where the goal is known and cannot be reached, what stands against it and how near it could get.
     pub(crate) fn with_offer(&mut self, reason: &str) -> String {
         let Some(snapshot) = self.snapshot() else { return reason.to_owned() };
-        let mut sentences = vec![reason.to_owned()];
-        match self.subject(&snapshot) {
-            Some(subject) => sentences.extend(self.offer(subject)),
-            None => sentences.extend(self.closed_search()),
+        if let Some(offer) = self.subject(&snapshot).and_then(|subject| self.offer(subject)) {
+            return offer;
         }
-        sentences.join(" ")
+        match self.closed_search() {
+            Some(closed) => format!("{reason} {closed}"),
+            None => reason.to_owned(),
+        }
     }
 
     /// The known goal that the robot cannot get to: by the rule of reasoner and critic, or because it tried.
@@ -113,7 +114,7 @@ impl Mission {
             .and_then(|id| self.world.graph.room(id))
             .map_or(String::new(), |room| format!(", in the {}", room.name));
         Some(format!(
-            "The {name} {}; the nearest place that I can reach is {off_m:.1} m from it, at {:.1}, {:.1}{room}.",
+            "I know where the {name} is, but cannot get there: it {}. The nearest place that I can reach is {off_m:.1} m from it, at {:.1}, {:.1}{room}.",
             obstacle.clause(),
             nearest.x,
             nearest.y
