@@ -473,7 +473,7 @@ mod tests {
             let cell = |(ix, iy): (usize, usize)| {
                 let is_border = ix == 0 || iy == 0 || ix == width - 1 || iy == height - 1;
                 match (81..101).contains(&ix) {
-                    true if !(40..40 + slit).contains(&iy) => Cell::Unknown,
+                    true if !(41 - slit / 2..41 + slit / 2).contains(&iy) => Cell::Unknown,
                     _ if is_border => Cell::Occupied,
                     _ => Cell::Free,
                 }
@@ -491,7 +491,7 @@ mod tests {
         for slit in [16, 24, 32, 40] {
             map = map.next(&seen(slit), None, &config).unwrap();
         }
-        assert_eq!(rooms(&map.next(&seen(76), None, &config).unwrap()), 1, "what turns out to be one hall is one");
+        assert_eq!(rooms(&map.next(&seen(78), None, &config).unwrap()), 1, "what turns out to be one hall is one");
     }
 
     #[test]
