@@ -36,7 +36,7 @@ pub struct NavigationMap {
     stood_on: FxHashSet<(i64, i64)>,
     room: Room,
     radius_m: f64,
-    /// As they were at the last refresh.
+    /// In the map.
     pub(crate) zones: Zones,
 }
 
@@ -99,6 +99,11 @@ impl NavigationMap {
         }
     }
 
+    /// Zones to keep out of are as good as walls from the next refresh on, and only here: rooms and things know nothing of them.
+    pub fn heed(&mut self, zones: &Zones) {
+        self.zones.clone_from(zones);
+    }
+
     /// Whether the robot has been put into the map yet.
     pub fn has_begun(&self) -> bool {
         !self.stood_on.is_empty()
@@ -106,7 +111,6 @@ impl NavigationMap {
 
     /// Cuts the volume at the robot's height. `floor_m` is the height of the floor in the map, `body_height_m` the height
     /// at which the body moves above it, `blind_m` how far from the body's middle the floor comes into sight.
-    /// Zones to keep out of are as good as walls here, and only here: rooms and things know nothing of them.
     pub fn refresh(
         &mut self,
         volume: &Volume,
@@ -115,7 +119,6 @@ impl NavigationMap {
         floor_m: f64,
         body_height_m: f64,
         blind_m: f64,
-        zones: &Zones,
     ) {
         let (low_m, high_m) = robot.height_span_m;
         self.grid = match robot.kind {
@@ -148,8 +151,7 @@ impl NavigationMap {
                 }
             }
         }
-        self.close(zones);
-        self.zones.clone_from(zones);
+        self.close();
         let blocked: Vec<bool> = self.grid.cells.iter().map(|cell| *cell != Cell::Free).collect();
         let view = GridView {
             origin: self.grid.origin,
@@ -167,11 +169,11 @@ impl NavigationMap {
     }
 
     /// Every cell that a zone to keep out of touches, with its margin, is occupied.
-    fn close(&mut self, zones: &Zones) {
+    fn close(&mut self) {
         let resolution_m = self.grid.resolution_m;
         let reach_m = std::f64::consts::FRAC_1_SQRT_2 * resolution_m;
         let grow = nalgebra::Vector2::repeat(MARGIN_M + reach_m);
-        for keep_out in &zones.keep_out {
+        for keep_out in &self.zones.keep_out {
             let (low, high) = keep_out.zone.bounds();
             let range = |low: f64, high: f64, origin: f64, count: usize| {
                 let cell = |x: f64| ((x - origin) / resolution_m).floor();

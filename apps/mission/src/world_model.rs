@@ -499,7 +499,6 @@ impl WorldModel {
                 self.floor_m,
                 self.body_height_m,
                 self.blind_m,
-                &self.zones,
             );
         });
         clock.time("coverage", || self.coverage.update(&self.slice, now_s));
@@ -553,6 +552,7 @@ impl WorldModel {
             ZoneFrame::Map => self.config.zones.clone(),
         };
         self.zone_posts = self.zones.posts(spacing_m);
+        self.navigation.heed(&self.zones);
         self.gathered.0 = None;
         self.zones_placed = Some(frame);
     }

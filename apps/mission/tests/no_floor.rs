@@ -67,7 +67,7 @@ fn farthest_nose(beyond: Beyond) -> f64 {
     for step in 0..(20.0 / period_s) as usize {
         if step % 25 == 0 {
             let pose = Isometry3::new(Vector3::new(x, y, robot.stance_height_m), Vector3::z() * yaw);
-            navigation.refresh(&volume, &robot, &pose, 0.0, 0.0, 0.0, &mission::zones::Zones::default());
+            navigation.refresh(&volume, &robot, &pose, 0.0, 0.0, 0.0);
         }
         let barred = navigation.barred_near(&Point2::new(x, y), 1.2);
         let command = policy.command((x, y, yaw), velocity, &path, None, &barred, &[]);

@@ -144,7 +144,7 @@ fn with_room(
 }
 
 /// Why this robot does not get there, and what it gets to instead, in units of the map.
-fn refused(why: &str, nearest: Point2<f64>, off_m: f64) -> (String, Option<Point2<f64>>) {
+fn refused(why: &str, nearest: Point2<f64>, off_m: f64) -> Refusal {
     let (x, y) = (nearest.x, nearest.y);
     let reason = format!(
         "this robot does not get to the goal ({why}); the nearest point it gets to is [{x:.3}, {y:.3}], {off_m:.2} m from it"
@@ -152,10 +152,13 @@ fn refused(why: &str, nearest: Point2<f64>, off_m: f64) -> (String, Option<Point
     (reason, Some(nearest))
 }
 
+/// Why there is no way, and the place that is offered instead, if there is one.
+type Refusal = (String, Option<Point2<f64>>);
+
 /// What came of a pair.
 struct Answer {
-    /// Length and points in units of the map, or why there is no way and the place that is offered instead.
-    way: Result<(f64, Vec<Point2<f64>>), (String, Option<Point2<f64>>)>,
+    /// Length and points in units of the map.
+    way: Result<(f64, Vec<Point2<f64>>), Refusal>,
     query_us: f64,
 }
 

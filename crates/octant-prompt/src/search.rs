@@ -2,7 +2,8 @@
 //!
 //! value = likelihood x gain / (path + 3 m). The likelihood is that of the place's room holding the target or an anchor (usual contents
 //! of the kinds the room may be), or of being or leading to the room the instruction names. The gain of a frontier is the area that the
-//! way to it would show, where somebody counted it ([`Situation::gain_m2`]), and else grows with its size; a place from which things were not yet seen closely is worth much for small targets and little for large.
+//! way to it would show, where somebody counted it ([`Situation::gain_m2`]), and else grows with its size; a place from which things were
+//! not yet seen closely is worth much for small targets and little for large.
 
 use dsg::{PlaceId, RoomId};
 use nalgebra::Point3;
