@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::cli::word;
 use crate::known_building::survey_of;
+use crate::orders::Orders;
 use crate::progress::ProgressView;
 use crate::quantile::quantile;
 use crate::run::{RunConfig, Setup, run};
@@ -200,7 +201,8 @@ fn one_run(
         Ok(known) => known,
         Err(error) => return (failed(format!("the building could not be surveyed: {error:#}")), Some(facts)),
     };
-    let setup = Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None };
+    let setup =
+        Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None, orders: Orders::default() };
     let result = run(setup, stop, &mut |_| {});
     let summary = match result {
         Ok(result) => {
@@ -210,7 +212,7 @@ fn one_run(
             facts.routes_us = clock.samples_us("route").to_vec();
             if let Some(folder) = keep {
                 let written = RunFolder::new(&folder.join(format!("{}-{seed}-{index:03}", word(kind))))
-                    .and_then(|folder| write_run(&folder, &result, scene, task).map(|()| folder))
+                    .and_then(|folder| write_run(&folder, &result, scene).map(|()| folder))
                     .and_then(RunFolder::publish);
                 if let Err(error) = written {
                     return (failed(format!("the run folder could not be written: {error:#}")), Some(facts));

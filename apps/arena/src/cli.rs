@@ -9,8 +9,10 @@ use anyhow::{Context, Result, bail};
 use clap::Parser;
 use mission::rig::{BUILTIN_RIGS, Rig, builtin_rig};
 use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
+use mission::zones::{ZoneFrame, Zones, ZonesError};
 
 use crate::options::Options;
+use crate::orders::Orders;
 use crate::progress::ProgressView;
 use crate::run::{Progress, RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
@@ -64,6 +66,15 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         config.mission.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
     }
+    if let Some(path) = &options.zones {
+        config.mission.zones =
+            read_zones(path, options, &robot).with_context(|| format!("reading the zones {}", path.display()))?;
+        config.truth_from_known = options
+            .known
+            .as_deref()
+            .and_then(|known| crate::run::frame_of(known).ok())
+            .map(|frame| frame.truth_from_map());
+    }
     let start = match (&options.known, &options.start) {
         (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
         _ => {
@@ -78,6 +89,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
+    let orders = Orders::open(options.commands.as_deref(), options.quiet)?;
     let mut vehicle = open_vehicle(options, &robot, &start, &stop, &mut config)?;
 
     // Everything that can be refused has been: only now is anything written.
@@ -93,11 +105,12 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
         known,
         seed: options.seed,
         vehicle: vehicle.as_deref_mut(),
+        orders,
     };
     let result = run(setup, &stop, &mut |progress| show(&view, progress))?;
     view.finish();
 
-    write_run(&folder, &result, &scene, &task)?;
+    write_run(&folder, &result, &scene)?;
     let path = folder.publish()?;
     let summary = &result.summary;
     crate::say!("{}", summary.reason);
@@ -212,6 +225,26 @@ pub fn read_rig(rig: &std::path::Path, robot: Option<&RobotModel>) -> Result<Rig
         })?,
     };
     Rig::parse(&text, robot, &read_file).with_context(|| format!("reading the rig {}", rig.display()))
+}
+
+/// Zones from a file, in which the robot does not start.
+///
+/// # Errors
+/// A sentence that says what is wrong, and where in the file.
+fn read_zones(path: &std::path::Path, options: &Options, robot: &RobotModel) -> Result<Zones> {
+    const LARGEST: u64 = 1 << 20;
+    let size = std::fs::metadata(path)?.len();
+    if size > LARGEST {
+        bail!("the file has {size} bytes; at most {LARGEST} are read");
+    }
+    let zones = Zones::parse(&std::fs::read_to_string(path)?)?;
+    match (zones.frame, &options.known, &options.start) {
+        (ZoneFrame::Map, None, _) => return Err(ZonesError::NoMap.into()),
+        (ZoneFrame::Map, Some(_), Some(pose)) => zones.check_start(&robot.footprint, &crate::run::pose_in_map(pose))?,
+        (ZoneFrame::Map, Some(_), None) => {} // nobody knows yet where it stands
+        (ZoneFrame::Start, ..) => zones.check_start(&robot.footprint, &nalgebra::Isometry3::identity())?,
+    }
+    Ok(zones)
 }
 
 /// One line: when, what, how much is known, how far to go.

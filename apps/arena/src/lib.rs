@@ -20,6 +20,7 @@ pub mod legs;
 pub mod map_picture;
 pub mod map_score;
 pub mod options;
+pub mod orders;
 pub mod people;
 pub mod pilot;
 pub mod progress;
@@ -51,6 +52,7 @@ pub mod viz;
 pub mod whole_file;
 pub mod workers;
 pub mod write_run;
+pub mod zone_watch;
 
 pub use mission;
 pub use omni_sim;

@@ -5,8 +5,10 @@ use std::fmt::Write;
 use base64::Engine;
 use mission::dsg::SceneGraph;
 use mission::navigation::NavigationMap;
+use mission::planner::Zone;
 use mission::rooms::RoomMap;
 use mission::volumetric_map::Cell;
+use mission::zones::Zones;
 use nalgebra::{Isometry3, Point2};
 
 /// What to draw besides the graph.
@@ -24,6 +26,8 @@ pub struct MapDrawing<'a> {
     pub end: Option<Point2<f64>>,
     /// The object it decided for.
     pub target: Option<Point2<f64>>,
+    /// Zones, in the map.
+    pub zones: Option<&'a Zones>,
 }
 
 const PASTELS: [[u8; 3]; 12] = [
@@ -66,6 +70,9 @@ pub fn map_svg(graph: &SceneGraph, drawing: &MapDrawing) -> String {
                 include(&grid.center(cell % grid.width, cell / grid.width));
             }
         }
+    }
+    for (zone, ..) in drawing.zones.into_iter().flat_map(zones_of) {
+        zone.corners().iter().for_each(&mut include);
     }
     if low.x > high.x {
         return "<p>Nothing was mapped.</p>".into();
@@ -147,6 +154,15 @@ pub fn map_svg(graph: &SceneGraph, drawing: &MapDrawing) -> String {
         );
     }
     svg.push_str("</g>\n");
+    for (zone, name, color) in drawing.zones.into_iter().flat_map(zones_of) {
+        let corners: String = zone.corners().iter().map(|p| format!("{:.2},{:.2} ", x(p.x), y(p.y))).collect();
+        let _ = writeln!(
+            svg,
+            "<polygon class=\"zone\" points=\"{corners}\" fill=\"{color}\" fill-opacity=\"0.22\" stroke=\"{color}\" stroke-width=\"0.04\" \
+             stroke-dasharray=\"0.2 0.08\"><title>{}</title></polygon>",
+            escape(&name)
+        );
+    }
     let line =
         |points: &[Point2<f64>]| -> String { points.iter().map(|p| format!("{:.2},{:.2} ", x(p.x), y(p.y))).collect() };
     if !drawing.true_path.is_empty() {
@@ -199,6 +215,17 @@ pub fn map_svg(graph: &SceneGraph, drawing: &MapDrawing) -> String {
         height_m - 0.2
     );
     svg
+}
+
+/// Each zone with what it says and its colour.
+fn zones_of(zones: &Zones) -> Vec<(&Zone, String, &'static str)> {
+    let keep_out =
+        zones.keep_out.iter().map(|keep_out| (&keep_out.zone, format!("keep out: {}", keep_out.name), "#c00000"));
+    let speed = zones
+        .speed
+        .iter()
+        .map(|slow| (&slow.zone.zone, format!("at most {} m/s: {}", slow.zone.max_mps, slow.name), "#c89000"));
+    keep_out.chain(speed).collect()
 }
 
 /// Where this robot can go, as a picture: reachable green, free but too narrow or cut off pale, obstacles dark, the unmeasured grey.

@@ -102,6 +102,17 @@ pub struct Options {
     #[command(flatten)]
     pub unitree: UnitreeOptions,
 
+    /// Where the robot may not be, or only slowly: a JSON file with polygons in metres from where it starts (x ahead, y left), or in
+    /// the frame of the map of --known (format: documentation of mission::zones)
+    #[arg(long, value_name = "FILE")]
+    pub zones: Option<PathBuf>,
+
+    /// Steer the run: a file of lines "12.5 pause", "20 resume", "31 find the plant in the office", "40 cancel" (seconds, then what
+    /// to say), or - for lines without times from standard input. Without it a terminal is listened to: pause, resume, cancel, and
+    /// any other line is a new instruction
+    #[arg(long, value_name = "FILE")]
+    pub commands: Option<PathBuf>,
+
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
     pub people: u32,

@@ -8,6 +8,7 @@ use mission::journal::{DecisionEntry, Journal};
 use crate::chart::curves;
 use crate::map_picture::{MapDrawing, escape, map_svg};
 use crate::summary::Summary;
+use crate::zone_watch::ZoneFigures;
 
 /// Writes the page.
 pub fn report_html(
@@ -38,7 +39,7 @@ pub fn report_html(
     page.push_str(&map_svg(graph, drawing));
     page.push_str(
         "<p class=\"legend\"><b style=\"color:#1f5fbf\">blue</b> path as the robot believes, <b>dashed</b> as it truly was; \
-         <b style=\"color:#e07b00\">orange</b> frontiers left; faint boxes were seen too rarely to be believed. Point at a thing for its caption.</p></section>\n",
+         <b style=\"color:#e07b00\">orange</b> frontiers left; zones to keep out of red, slow ones ochre; faint boxes were seen too rarely to be believed. Point at a thing for its caption.</p></section>\n",
     );
     page.push_str("<section><details><summary>Where this robot can go (green), at the end</summary>");
     page.push_str(navigation);
@@ -102,11 +103,22 @@ fn figures(page: &mut String, summary: &Summary) {
         ("least clearance", clearance),
         ("known at the end", format!("{} rooms, {} objects", summary.rooms_found, summary.objects_found)),
     ];
+    let zones = summary.zones.iter().map(|zone| (format!("zone \u{201c}{}\u{201d}", zone.name), zone_line(zone)));
+    let rows = rows.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(zones);
     page.push_str("<section class=\"figures\">");
     for (name, value) in rows {
-        let _ = write!(page, "<div><span>{name}</span><b>{}</b></div>", escape(&value));
+        let _ = write!(page, "<div><span>{}</span><b>{}</b></div>", escape(&name), escape(&value));
     }
     page.push_str("</section>\n");
+}
+
+/// What truly happened at a zone.
+fn zone_line(zone: &ZoneFigures) -> String {
+    match zone.max_mps {
+        None => format!("{} entries", zone.entries),
+        Some(max_mps) if zone.entries == 0 => format!("at most {max_mps} m/s; not entered"),
+        Some(max_mps) => format!("at most {max_mps} m/s; {:.2} m/s inside", zone.fastest_mps),
+    }
 }
 
 /// With the contacts with people, where there were any.

@@ -16,22 +16,25 @@ use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
 use mission::reasoning::Mind;
 use mission::rig::Rig;
-use mission::robot_model::{GaitError, RobotModel};
+use mission::robot_model::{GaitError, RobotKind, RobotModel};
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
 use mission::vision_verifier::VisionConfig;
+use mission::zones::{ZoneFrame, Zones};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use omni_sim::crowd::CrowdConfig;
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
+use crate::orders::{Orders, say_to};
 use crate::referee::Referee;
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig, Touch};
 use crate::summary::Summary;
 use crate::task::Task;
 use crate::vehicle::Vehicle;
+use crate::zone_watch::ZoneWatch;
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -48,6 +51,8 @@ pub struct RunConfig {
     pub segmenter: Option<HttpSegmenterConfig>,
     /// Whose CPU time the summary gives.
     pub cpu_scope: CpuScope,
+    /// Where the map of `--known` lies in the building, if anybody knows: the referee needs it for zones in that map.
+    pub truth_from_known: Option<Isometry3<f64>>,
 }
 
 impl RunConfig {
@@ -100,6 +105,7 @@ impl Default for RunConfig {
             llm: None,
             segmenter: None,
             cpu_scope: CpuScope::Process,
+            truth_from_known: None,
         }
     }
 }
@@ -123,6 +129,19 @@ pub struct Progress {
     pub is_news: bool,
 }
 
+impl Progress {
+    /// What is known now.
+    fn of(mission: &Mission) -> Progress {
+        Progress {
+            rooms: mission.world.graph.rooms().count(),
+            objects: mission.world.graph.confirmed_objects().count(),
+            decisions: mission.journal.decisions.len(),
+            left_m: mission.distance_left_m(),
+            ..Progress::default()
+        }
+    }
+}
+
 /// The truth of a run, for `truth/`.
 #[derive(Debug, Clone, Default)]
 pub struct TruthLog {
@@ -132,6 +151,8 @@ pub struct TruthLog {
     pub touches: Vec<Touch>,
     /// Where the map's frame was in the building when the run began.
     pub truth_from_map: Isometry3<f64>,
+    /// The zones in the building.
+    pub zones: Zones,
     /// The steps that the robot declared done, with the referee's verdict on each.
     pub steps: Vec<(usize, i64, bool)>,
 }
@@ -151,6 +172,8 @@ pub struct Posture {
 pub struct RunResult {
     /// Figures.
     pub summary: Summary,
+    /// What was judged: the last instruction.
+    pub task: Task,
     /// The robot's side at the end.
     pub mission: Mission,
     /// The world's side.
@@ -181,7 +204,7 @@ pub struct Setup<'a> {
     pub robot: &'a RobotModel,
     /// Where.
     pub scene: &'a Scene,
-    /// What for.
+    /// What for, to begin with.
     pub task: &'a Task,
     /// Pose of the body in the building at the start.
     pub start: &'a Isometry3<f64>,
@@ -191,6 +214,8 @@ pub struct Setup<'a> {
     pub seed: u64,
     /// Moves in place of the simulated body, in real time: building and sensors are simulated where it is.
     pub vehicle: Option<&'a mut (dyn Vehicle + 'static)>,
+    /// What a person says meanwhile.
+    pub orders: Orders,
 }
 
 /// Runs one mission. `stop` is looked at once per control period.
@@ -198,7 +223,8 @@ pub struct Setup<'a> {
 /// # Errors
 /// What cannot be set up, and a simulation that breaks. A flight that ends early is a result.
 pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Progress)) -> Result<RunResult> {
-    let Setup { config, robot, scene, task, start, known, seed, mut vehicle } = setup;
+    let Setup { config, robot, scene, task, start, known, seed, mut vehicle, mut orders } = setup;
+    let mut task = task.clone();
     let (wall, cpu) = (Instant::now(), config.cpu_scope.now());
     let upright;
     let robot = if config.simulation.is_lidar_fixed {
@@ -217,6 +243,15 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         Some(start) => start,
         None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
     };
+    let truth_from_zones = match config.mission.zones.frame {
+        ZoneFrame::Start => Some(*start),
+        ZoneFrame::Map => config.truth_from_known,
+    };
+    // Zones of which nobody knows where they lie are judged by nobody.
+    let mut zones = ZoneWatch::new(
+        truth_from_zones.map(|truth_from_zones| config.mission.zones.moved(&truth_from_zones)).unwrap_or_default(),
+        &robot.footprint,
+    );
     let is_towed = vehicle.is_some();
     let world = SimulationConfig { is_towed, ..config.simulation.clone() };
     let mut simulation = Simulation::new(&world, robot, scene, start, &start_in_map, seed)?;
@@ -246,6 +281,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
     let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
     let mut last = *start;
+    // Where the robot stood when it heard the instruction that is judged, and how far it had come.
+    let mut asked = (start_at, 0.0);
     let mut trouble = None;
     let mut postures = Vec::new();
     if let Err(why @ GaitError::OtherKindOfLeg { .. }) = simulation.legs() {
@@ -261,7 +298,22 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
-        command = mission.cycle(simulation.now());
+        let now = simulation.now();
+        while let Some(control) = orders.next(mission.seconds(now)) {
+            let heard = say_to(&mut mission, &control, &scene.building, now);
+            let activity = match &heard {
+                Ok(_) => format!("told: {}", control.line()),
+                Err(why) => format!("told: {}; it goes on as before, for {why}", control.line()),
+            };
+            report(&Progress { sim_s: now_s, activity, is_news: true, ..Progress::of(&mission) });
+            if let Ok(Some(other)) = heard {
+                task = other;
+                asked = (Point2::from(last.translation.vector.xy()), path_m);
+                (judged, truth.steps) = (0, Vec::new());
+                simulation.set_phrases(mission.phrases(), mission.standing_phrases().to_vec());
+            }
+        }
+        command = mission.cycle(now);
         if let Some(estimate) = mission.odometry() {
             simulation.hear(estimate);
         }
@@ -273,6 +325,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
 
         let pose = simulation.true_pose();
+        zones.see(&pose, STEP_NS as f64 * 1e-9);
         path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();
         last = pose;
         if simulation.steps() % 5 == 0 {
@@ -299,15 +352,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             let activity = mission.activity();
             let is_news = activity != last_activity;
             last_activity.clone_from(&activity);
-            report(&Progress {
-                sim_s: now_s,
-                activity,
-                rooms: mission.world.graph.rooms().count(),
-                objects: mission.world.graph.confirmed_objects().count(),
-                decisions: mission.journal.decisions.len(),
-                left_m: mission.distance_left_m(),
-                is_news,
-            });
+            report(&Progress { sim_s: now_s, activity, is_news, ..Progress::of(&mission) });
         }
         if mission.is_over() {
             settle_s += STEP_NS as f64 * 1e-9;
@@ -334,7 +379,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         truth.steps.push((task.steps.len() - 1, simulation.now().0, referee.is_done(last_step, &pose)));
     }
     truth.touches = simulation.touches().to_vec();
-    let (mut success, mut reason) = verdict(&mission, task, &truth, is_timeout, config.max_time_s);
+    truth.zones = zones.zones().clone();
+    let (mut success, mut reason) = verdict(&mission, &task, &truth, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();
@@ -343,11 +389,12 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             (success, reason) = (false, format!("The {} ended early: {why:#}.", vehicle.deed()));
         }
     }
-    let shortest_m = referee.shortest_m(&task.steps, &start_at);
+    let shortest_m = referee.shortest_m(&task.steps, &asked.0);
+    let driven_m = path_m - asked.1;
     let spl = match (success, shortest_m) {
         (true, Some(shortest_m)) => {
             // Whoever starts at a right place has driven no detour.
-            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / path_m.max(shortest_m) }
+            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / driven_m.max(shortest_m) }
         }
         _ => 0.0,
     };
@@ -361,7 +408,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         scene: scene.name.clone(),
         seed,
         instruction: task.text.clone(),
-        kind: kind_word(task),
+        kind: kind_word(&task),
         target: match &mission.outcome {
             Some(Outcome::Stopped { target, .. }) => target.clone(),
             _ => String::new(),
@@ -377,6 +424,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         answer_tokens: mission.journal.answer_tokens(),
         collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
         contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
+        keep_out_entries: zones.figures().iter().filter(|zone| zone.max_mps.is_none()).map(|zone| zone.entries).sum(),
+        zones: zones.figures().to_vec(),
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),
@@ -386,7 +435,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         interrupted: mission.is_interrupted(),
         stages,
     };
-    Ok(RunResult { summary, mission, truth, postures })
+    Ok(RunResult { summary, task, mission, truth, postures })
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
@@ -400,6 +449,10 @@ pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
 
 /// Success and the sentence that explains it.
 fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, max_time_s: f64) -> (bool, String) {
+    if let Some(cancelled_s) = mission.cancelled_s() {
+        let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };
+        return (false, format!("The run was cancelled after {cancelled_s:.1} s; the robot {rests}."));
+    }
     if mission.is_interrupted() {
         return (false, "The run was interrupted; the robot stopped safely.".into());
     }
@@ -426,18 +479,22 @@ fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, m
 
 /// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.
 pub fn start_in_known_map(known: &Path, pose: &Pose, robot: &RobotModel) -> Result<Isometry3<f64>> {
-    let path = known.join("truth").join("frame.json");
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
-    let frame: Frame = serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))?;
-    let truth_from_map = Isometry3::from_parts(
-        Translation3::from(Vector3::from(frame.position_m)),
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), frame.yaw_rad),
-    );
-    let mut start = truth_from_map * pose_in_map(pose);
+    let frame = frame_of(known)?;
+    let mut start = frame.truth_from_map() * pose_in_map(pose);
     // The robot is put on the floor whatever height was given: feet neither float nor sink.
     start.translation.vector.z = frame.floor_m + robot.stance_height_m;
     Ok(start)
+}
+
+/// Where the map of a run lies in the building.
+///
+/// # Errors
+/// A map that no run made has no such file.
+pub fn frame_of(known: &Path) -> Result<Frame> {
+    let path = known.join("truth").join("frame.json");
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))
 }
 
 /// `x,y,z,yaw` as a pose.
@@ -457,4 +514,14 @@ pub struct Frame {
     pub yaw_rad: f64,
     /// Height of the floor in the building.
     pub floor_m: f64,
+}
+
+impl Frame {
+    /// As a transform.
+    pub fn truth_from_map(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.position_m)),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw_rad),
+        )
+    }
 }

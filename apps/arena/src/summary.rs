@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use mission::stage_clock::StageFigures;
 use serde::Serialize;
 
+use crate::zone_watch::ZoneFigures;
+
 /// One run in figures. Everything except `wall_s`, `cpu_s` and the times in `stages` is the same for the same seeds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Summary {
@@ -20,7 +22,7 @@ pub struct Summary {
     pub scene: String,
     /// Seed of noise, drift and start.
     pub seed: u64,
-    /// What the robot heard.
+    /// What the robot heard, the last of it.
     pub instruction: String,
     /// Kind of instruction.
     pub kind: String,
@@ -28,9 +30,9 @@ pub struct Summary {
     pub target: String,
     /// Length of the true path.
     pub path_m: f64,
-    /// Length of the shortest way that does what was asked; `null` if there is none.
+    /// Length of the shortest way that does what was asked, from where the robot heard it; `null` if there is none.
     pub shortest_m: Option<f64>,
-    /// Success weighted by path length.
+    /// Success weighted by path length, from where the robot heard what is judged.
     pub spl: f64,
     /// Simulated time.
     pub sim_s: f64,
@@ -48,6 +50,10 @@ pub struct Summary {
     pub collisions: usize,
     /// Touches of people while the robot moved, or less than half a second after.
     pub contacts_with_people: usize,
+    /// How often any part of the robot was in a zone that it has to keep out of, in truth.
+    pub keep_out_entries: usize,
+    /// Each zone of `--zones`, in truth; empty without.
+    pub zones: Vec<ZoneFigures>,
     /// Least distance between the robot's outline and an obstacle, as its local policy saw it; `null` before it moved.
     pub min_clearance_m: Option<f64>,
     /// Rooms in the scene graph.

@@ -474,7 +474,17 @@ mod tests {
         let truth = robot_truth(&robot, config.mission.flight_height_m);
         let start = draw_start(&Referee::new(&scene.building, &scene.world, truth, 0), &robot, 0).unwrap();
         let (config, robot, task, start) = (&config, &robot, &task, &start);
-        let setup = Setup { config, robot, scene: &scene, task, start, known: None, seed: 0, vehicle: None };
+        let setup = Setup {
+            config,
+            robot,
+            scene: &scene,
+            task,
+            start,
+            known: None,
+            seed: 0,
+            vehicle: None,
+            orders: crate::orders::Orders::default(),
+        };
         let result = run(setup, &Arc::default(), &mut |_| ()).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("recording.rrd");

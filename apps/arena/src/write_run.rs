@@ -8,14 +8,14 @@ use nalgebra::{Isometry3, Point2};
 use serde_json::json;
 
 use crate::map_picture::{MapDrawing, in_map, navigation_img};
+use crate::orders::script_of;
 use crate::report::report_html;
 use crate::run::{Frame, RunResult};
 use crate::run_folder::RunFolder;
 use crate::scenario::Scene;
-use crate::task::Task;
 
 /// Writes all files of a run.
-pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &Task) -> Result<()> {
+pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Result<()> {
     let world = &result.mission.world;
     let journal = result.journal();
 
@@ -32,8 +32,13 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
     }
     folder.write("decisions.jsonl", &lines)?;
 
+    // What people said, as a script that says it again.
+    if !journal.controls.is_empty() {
+        folder.write("commands.txt", script_of(journal).as_bytes())?;
+    }
+
     // What truly was.
-    write_truth(folder, result, scene, task)?;
+    write_truth(folder, result, scene)?;
 
     // For people.
     let poses: Vec<Isometry3<f64>> = result.truth.poses.iter().map(|(_, pose)| *pose).collect();
@@ -49,6 +54,7 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
             Some(Outcome::Stopped { at, .. }) => Some(at.xy()),
             _ => None,
         },
+        zones: Some(&world.zones),
     };
     let here = path.last().copied().unwrap_or_else(Point2::origin);
     let navigation = navigation_img(&world.navigation, &here);
@@ -62,7 +68,7 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &T
 }
 
 /// `truth/`: with these files anybody can judge the run again.
-fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &Task) -> Result<()> {
+fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Result<()> {
     let mut trajectory = String::from("# t_s x y z qx qy qz qw, true pose of the body in the building\n");
     for (stamp_ns, pose) in &result.truth.poses {
         trajectory.push_str(&tum_line(Stamp(*stamp_ns), pose));
@@ -103,7 +109,7 @@ fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene, task: &Tas
         .iter()
         .map(|(step, stamp_ns, done)| json!({"step": step, "declared_s": *stamp_ns as f64 * 1e-9, "right": done}))
         .collect();
-    folder.write("truth/task.json", &serde_json::to_vec_pretty(&json!({"task": task, "declared": steps}))?)?;
+    folder.write("truth/task.json", &serde_json::to_vec_pretty(&json!({"task": result.task, "declared": steps}))?)?;
     let truth_from_map = &result.truth.truth_from_map;
     let frame = Frame {
         position_m: truth_from_map.translation.vector.into(),

@@ -87,6 +87,7 @@ fn search(endurance_s: f64, max_time_s: f64, gauge: fn(f64) -> Option<f64>) -> R
         known: None,
         seed: 1,
         vehicle: Some(&mut vehicle),
+        orders: arena::orders::Orders::default(),
     };
     run(setup, &Arc::new(AtomicBool::new(false)), &mut |_| {}).unwrap()
 }

@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use arena::mission::archive::{Known, load, save};
 use arena::mission::mission::Outcome;
 use arena::mission::robot_model::RobotKind;
+use arena::orders::Orders;
 use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::Scene;
 use arena::task::Task;
@@ -29,8 +30,12 @@ fn run_anywhere(config: &RunConfig, kind: RobotKind, scene: &Scene, text: &str, 
     let task = Task::read(text, &scene.building).expect("the referee understands the sentence");
     let stop = Arc::new(AtomicBool::new(false));
     let (robot, task, start, known) = (&robot, &task, &from, Some(known));
-    run(Setup { config, robot, scene, task, start, known, seed, vehicle: None }, &stop, &mut |_| {})
-        .expect("the run can be set up")
+    run(
+        Setup { config, robot, scene, task, start, known, seed, vehicle: None, orders: Orders::default() },
+        &stop,
+        &mut |_| {},
+    )
+    .expect("the run can be set up")
 }
 
 /// How far the robot was off when it found itself: metres and radians. The map is as true as the earlier odometry was.

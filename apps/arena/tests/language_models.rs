@@ -9,7 +9,6 @@ use arena::mission::openai::ChatConfig;
 use arena::mission::robot_model::RobotKind;
 use arena::run::RunResult;
 use arena::run_folder::RunFolder;
-use arena::task::Task;
 use arena::write_run::write_run;
 use serde_json::{Value, json};
 use support::fake_server::{Answer, FakeServer, allowed};
@@ -90,7 +89,7 @@ fn however_a_server_fails_the_run_goes_on_and_the_report_says_so() {
     let folder = tempfile::tempdir().expect("a place for a run folder");
     let scene = scene("flat");
     let run = RunFolder::new(&folder.path().join("run")).expect("a new folder");
-    write_run(&run, result, &scene, &Task::read(TEXT, &scene.building).expect("readable")).expect("written");
+    write_run(&run, result, &scene).expect("written");
     let report = std::fs::read_to_string(run.path().join("report.html")).expect("a report");
     assert!(report.contains("fallback"), "the report says who decided");
 }
@@ -117,7 +116,7 @@ fn hostile_answers_move_nothing_and_leave_no_markup_in_the_report() {
     let folder = tempfile::tempdir().expect("a place for a run folder");
     let scene = scene("flat");
     let run = RunFolder::new(&folder.path().join("run")).expect("a new folder");
-    write_run(&run, &result, &scene, &Task::read(TEXT, &scene.building).expect("readable")).expect("written");
+    write_run(&run, &result, &scene).expect("written");
     let report = std::fs::read_to_string(run.path().join("report.html")).expect("a report");
     assert!(!report.contains("<script") && !report.contains("<img src=x"), "what a model wrote is text");
     let lines = std::fs::read_to_string(run.path().join("decisions.jsonl")).expect("decisions");

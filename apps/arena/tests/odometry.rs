@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use arena::mission::robot_model::{RobotKind, RobotModel};
+use arena::orders::Orders;
 use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::draw_scenario;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -62,7 +63,17 @@ fn a_flying_robot_starts_in_a_closet() {
     let drawn = draw_scenario(2, 19, &robot, config.mission.flight_height_m).expect("it was drawn before");
     let stop = Arc::new(AtomicBool::new(false));
     let (scene, task, start, seed) = (&drawn.scene, &drawn.task, &drawn.start, drawn.seed);
-    let setup = Setup { config: &config, robot: &robot, scene, task, start, known: None, seed, vehicle: None };
+    let setup = Setup {
+        config: &config,
+        robot: &robot,
+        scene,
+        task,
+        start,
+        known: None,
+        seed,
+        vehicle: None,
+        orders: Orders::default(),
+    };
     let result = run(setup, &stop, &mut |_| {}).expect("it runs");
     assert_eq!(result.summary.collisions, 0, "{}", result.summary.reason);
     let height_m = result.truth.poses.last().expect("poses").1.translation.vector.z - drawn.start.translation.vector.z;

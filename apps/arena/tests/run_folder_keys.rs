@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 
 use arena::mission::robot_model::RobotKind;
 use arena::run_folder::RunFolder;
-use arena::task::Task;
 use arena::write_run::write_run;
 use serde_json::Value;
 use support::{coarse, scene, short_run};
@@ -37,8 +36,17 @@ const PROMISED: [&str; 21] = [
 ];
 /// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it, what became of the
 /// pictures.
-const ADDED: [&str; 7] =
-    ["contacts_with_people", "model", "kind", "interrupted", "images", "images_without_masks", "segmenter_error"];
+const ADDED: [&str; 9] = [
+    "contacts_with_people",
+    "keep_out_entries",
+    "zones",
+    "model",
+    "kind",
+    "interrupted",
+    "images",
+    "images_without_masks",
+    "segmenter_error",
+];
 
 const FILES: [&str; 14] = [
     "summary.json",
@@ -68,7 +76,7 @@ fn a_run_folder_is_complete_has_the_promised_keys_and_can_be_known() {
     let result = short_run(&coarse(4.0), RobotKind::Ground, &scene, text, 3);
     let root = tempfile::tempdir().expect("a place for a run folder");
     let folder = RunFolder::new(&root.path().join("run")).expect("a new folder");
-    write_run(&folder, &result, &scene, &Task::read(text, &scene.building).expect("readable")).expect("written");
+    write_run(&folder, &result, &scene).expect("written");
     let path = folder.publish().expect("published");
 
     for file in FILES {

@@ -80,6 +80,8 @@ fn help_reads_well_and_names_every_option() {
         "--vlm-model",
         "--rig",
         "--lidar",
+        "--zones",
+        "--commands",
         "--max-time",
         "--quiet",
         "Exit codes",
@@ -170,6 +172,28 @@ fn a_missing_or_broken_rig_is_refused_with_what_would_be_accepted() {
         width_px = 64\nheight_px = 48\nintrinsics = [40, 40, 31.5, 23.5]\ndistortion = [0, 0, 0, 0]\n";
     fs::write(folder.path().join("normal.toml"), normal).unwrap();
     refused("normal.toml", &["normal", "kannala-brandt"]);
+}
+
+#[test]
+fn zones_and_commands_that_cannot_be_are_refused_with_file_and_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |option: &str, name: &str, text: &str, words: &[&str]| {
+        fs::write(folder.path().join(name), text).unwrap();
+        check_refused(folder.path(), &[FIND, "--scene", "spin", option, name], &[&[name], words].concat());
+    };
+    let zone = |corners: &str| format!("{{\"keep_out\": [{{\"name\": \"pool\", \"corners_m\": {corners}}}]}}");
+    refused("--zones", "prose.json", "keep out of the kitchen", &["line 1", "keep_out"]);
+    refused("--zones", "nan.json", &zone("[[5,0],[6,0],[NaN,1]]"), &["line 1, column"]);
+    refused("--zones", "line.json", &zone("[[5,0],[6,0]]"), &["keep_out[0] \"pool\"", "2 corners"]);
+    refused("--zones", "bow.json", &zone("[[5,0],[6,1],[6,0],[5,1]]"), &["keep_out[0] \"pool\"", "sides 0 and 2"]);
+    refused("--zones", "here.json", &zone("[[-1,-1],[1,-1],[1,1],[-1,1]]"), &["stands in the keep-out zone \"pool\""]);
+    refused("--zones", "map.json", "{\"frame\": \"map\"}", &["--known"]);
+    let slow = "{\"speed\": [{\"corners_m\": [[5,0],[6,0],[6,1]], \"max_mps\": -1}]}";
+    refused("--zones", "slow.json", slow, &["speed[0]", "-1 m/s"]);
+    refused("--commands", "late.txt", "5 pause\n4 resume\n", &["line 2"]);
+    refused("--commands", "timeless.txt", "pause\n", &["line 1", "12.5 pause"]);
+    check_refused(folder.path(), &[FIND, "--scene", "spin", "--zones", "nowhere.json"], &["nowhere.json"]);
+    check_refused(folder.path(), &[FIND, "--scene", "spin", "--commands", "nowhere.txt"], &["nowhere.txt"]);
 }
 
 #[test]

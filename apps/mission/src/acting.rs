@@ -70,7 +70,10 @@ impl Mission {
     pub(crate) fn act(&mut self, action: Action, t_s: f64) {
         match &action {
             Action::Stop(target) => self.step_is_done(*target, t_s),
-            Action::GiveUp { reason } => self.finish(Outcome::GaveUp { reason: reason.clone() }),
+            Action::GiveUp { reason } => {
+                let reason = self.with_offer(reason);
+                self.finish(Outcome::GaveUp { reason });
+            }
             _ => {
                 let is_same = self.target == Target::Action(action.clone());
                 if is_same && *self.body.status() == GoalStatus::Underway {

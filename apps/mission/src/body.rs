@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use planner::{AirSpace, GroundMover};
 use robot_model::{RobotKind, RobotModel};
 
+use crate::closed_air::ClosedAir;
 use crate::config::MissionConfig;
 use crate::drive::{Drive, DriveConfig};
 use crate::emergency::Emergency;
@@ -139,7 +140,10 @@ impl Body {
     pub fn replan(&mut self, world: &WorldModel, clock: &mut StageClock) {
         let Some(odometry) = &world.odometry else { return };
         match self {
-            Body::Ground(drive) => clock.time("route", || drive.replan(&world.navigation, &odometry.world_from_body)),
+            Body::Ground(drive) => clock.time("route", || {
+                drive.limit_speed(&world.zones);
+                drive.replan(&world.navigation, &odometry.world_from_body);
+            }),
             Body::Air(fly) => clock.time("trajectory", || {
                 let fly_home = fly.home();
                 let here = Point2::from(odometry.world_from_body.translation.vector.xy());
@@ -151,6 +155,7 @@ impl Body {
                 if let Some(charge) = world.battery_charge {
                     fly.set_charge(charge, way_home_m(&here));
                 }
+                fly.limit_speed(&world.zones);
                 let route = fly.route(&world.navigation, &here);
                 with_air(world, |air| fly.replan(route.as_deref(), air, &way_home_m));
             }),
@@ -173,12 +178,12 @@ impl Body {
     }
 }
 
-/// The world as a planner asks about it: the map, and what the graph says moves.
+/// The world as a planner asks about it: the map, the zones to keep out of, and what the graph says moves.
 fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
     let movers = world.odometry.map_or_else(Vec::new, |odometry| movers(&world.graph, odometry.stamp));
-    ask(&AirSpace {
-        distance: &|point: &Point3<f64>| world.field.distance(point),
-        obstacles: &|low: &Point3<f64>, high: &Point3<f64>| world.field.occupied_points(low, high),
-        movers: &movers,
-    })
+    let closed = ClosedAir { zones: &world.zones, posts: world.zone_posts(), far_m: world.field.max_distance_m() };
+    let distance = |point: &Point3<f64>| closed.distance_m(point, world.field.distance(point));
+    let obstacles =
+        |low: &Point3<f64>, high: &Point3<f64>| closed.obstacles(low, high, world.field.occupied_points(low, high));
+    ask(&AirSpace { distance: &distance, obstacles: &obstacles, movers: &movers })
 }

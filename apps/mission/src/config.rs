@@ -13,6 +13,7 @@ use crate::rig::Rig;
 use crate::rooms::RoomConfig;
 use crate::segmenter::STANDING;
 use crate::vision_verifier::VisionConfig;
+use crate::zones::Zones;
 
 /// Rates, resolutions and patience of a mission. What depends on the robot comes from its
 /// [`RobotModel`], not from here.
@@ -73,6 +74,8 @@ pub struct MissionConfig {
     pub geofence: Option<Geofence>,
     /// Battery of an aerial robot, default none: it counts as full. The stream says how full it is.
     pub battery: Option<Battery>,
+    /// Where the robot may not be or may only be slow, default nowhere.
+    pub zones: Zones,
     /// A vision-language model that is shown short relations (Eq. 7), default none: geometry judges them.
     pub vision: Option<VisionConfig>,
 }
@@ -105,6 +108,7 @@ impl Default for MissionConfig {
             max_attempts: 3,
             geofence: None,
             battery: None,
+            zones: Zones::default(),
             vision: None,
         }
     }

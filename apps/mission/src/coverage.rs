@@ -152,6 +152,14 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
+    /// Nothing counts as looked at any more: something is looked for that nobody looked for before.
+    pub fn look_again(&mut self) {
+        self.inspected.clear();
+        self.given_up.clear();
+        self.postponed.clear();
+        self.strictness = 1.0;
+    }
+
     /// Offers at the next update what was left alone, and patches half as large as before.
     pub fn reconsider(&mut self) {
         self.postponed.values_mut().for_each(|postponed| postponed.until_s = f64::NEG_INFINITY);
@@ -294,7 +302,18 @@ impl Coverage {
         })
     }
 
-    fn cell_of(&self, point: &Point2<f64>) -> (i32, i32) {
+    /// Edge of a cell.
+    pub fn cell_m(&self) -> f64 {
+        self.config.cell_m
+    }
+
+    /// Distance up to which things are recognised.
+    pub fn inspect_range_m(&self) -> f64 {
+        self.config.inspect_range_m
+    }
+
+    /// The cell that holds a point.
+    pub fn cell_of(&self, point: &Point2<f64>) -> (i32, i32) {
         ((point.x / self.config.cell_m).floor() as i32, (point.y / self.config.cell_m).floor() as i32)
     }
 

@@ -38,6 +38,7 @@ impl Mission {
             let news = self.world.vision.as_mut().map(VisionVerifier::take_news).unwrap_or_default();
             self.journal.notes.extend(news.into_iter().map(|sentence| (t_s, sentence)));
             self.body.replan(&self.world, &mut self.journal.clock);
+            self.refuse_to_stand_in_a_zone();
         }
 
         // 2. Begin: a first look all round, in a known building until it shows where in it the robot stands, and off the floor.
@@ -50,9 +51,8 @@ impl Mission {
         }
         if t_s >= self.config.first_look_s && has_pose {
             self.find_itself(t_s);
-            if let Err(reason) = self.body.begin(&self.world)
-                && self.outcome.is_none()
-            {
+            let may_begin = self.outcome.is_none() && !self.is_paused && !self.waits_for_zones();
+            if may_begin && let Err(reason) = self.body.begin(&self.world) {
                 self.finish(Outcome::GaveUp { reason: reason.into() });
             }
         }
@@ -64,6 +64,7 @@ impl Mission {
             self.finish(Outcome::GaveUp { reason: emergency.reason().into() });
         }
         let can_think = has_pose
+            && !self.is_paused
             && emergency.is_none()
             && !self.is_lost()
             && self.body.is_ready()
@@ -80,7 +81,7 @@ impl Mission {
 
         // 4. Move: the body follows its goal on certified or checked ways only, and stands while it has lost its way.
         let command = match (&self.outcome, self.is_interrupted) {
-            (None, false) if has_pose => self.drive(),
+            (None, false) if has_pose && !self.is_paused => self.drive(),
             _ => self.hold(),
         };
         self.sample_curves(t_s);
@@ -108,7 +109,7 @@ impl Mission {
         command
     }
 
-    /// Stands still; an interrupted aerial robot comes down.
+    /// Stands still; an interrupted aerial robot comes down. What a battery demands is done all the same.
     fn hold(&mut self) -> Command {
         if self.is_interrupted {
             self.body.land();

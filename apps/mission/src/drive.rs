@@ -7,6 +7,7 @@ use robot_model::RobotModel;
 use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::Command;
+use crate::zones::Zones;
 
 /// Standing blocked so long is one failed attempt.
 const PATIENCE_S: f64 = 4.0;
@@ -63,6 +64,11 @@ impl Drive {
         })
     }
 
+    /// Is slow from now on where the zones say so.
+    pub fn limit_speed(&mut self, zones: &Zones) {
+        self.policy.limit_speed(zones.speed_zones());
+    }
+
     /// Takes a new goal; the old one is forgotten.
     pub fn set_goal(&mut self, goal: Goal) {
         self.path.clear();
@@ -108,7 +114,7 @@ impl Drive {
                 self.attempts += 1;
                 if self.attempts >= self.config.max_attempts {
                     self.path.clear();
-                    self.status = GoalStatus::Failed("no way through what is known");
+                    self.status = GoalStatus::Failed(navigation.obstacle_at(&target).reason());
                 }
             }
         }

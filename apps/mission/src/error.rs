@@ -30,6 +30,9 @@ pub enum MissionError {
     /// The odometry's settings contradict each other.
     #[error("the odometry cannot be set up: {0}")]
     Odometry(#[from] omni_perception::LioConfigError),
+    /// The robot would start in a zone that it must keep out of.
+    #[error(transparent)]
+    Zones(#[from] crate::zones::ZonesError),
     /// There is nothing to do in the instruction.
     #[error(
         "the instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\""

@@ -6,7 +6,9 @@
 //! (the rest is not known yet, or beyond the horizon), the next one is planned before its braking begins.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
-use planner::{AirConfig, AirSpace, Battery, FlightState, Geofence, HeadingPlan, PolynomialTrajectory, fly_up};
+use planner::{
+    AirConfig, AirSpace, Battery, FlightState, Geofence, HeadingPlan, PolynomialTrajectory, SpeedZone, fly_up,
+};
 use robot_model::RobotModel;
 
 use crate::air_checks::is_column_free;
@@ -15,8 +17,11 @@ use crate::flight_limits::flight_limits;
 use crate::goal::{Goal, GoalStatus, wrap};
 use crate::navigation::NavigationMap;
 use crate::stream::{Command, FlightSetPoint};
+use crate::zones::{MARGIN_M, Zones};
+use stages::limit_at;
 
 mod replan;
+mod stages;
 
 /// Climb and descent.
 const CLIMB_MPS: f64 = 0.5;
@@ -107,6 +112,8 @@ pub struct Fly {
     battery: Option<Battery>,
     charge: f64,
     emergency: Option<Emergency>,
+    /// Where it may only be slow, in the map.
+    slow: Vec<SpeedZone>,
     path: Vec<Point2<f64>>,
     clearance_m: f64,
 }
@@ -146,6 +153,7 @@ impl Fly {
             battery: None,
             charge: 1.0,
             emergency: None,
+            slow: Vec::new(),
             path: Vec::new(),
             clearance_m: f64::INFINITY,
         }
@@ -157,6 +165,21 @@ impl Fly {
         self.config.margin_m = margin_m;
         self.geofence = geofence;
         self.battery = battery;
+    }
+
+    /// Is slow from now on where the zones say so.
+    pub fn limit_speed(&mut self, zones: &Zones) {
+        self.slow = zones.speed_zones();
+    }
+
+    /// Climb and descent where it is.
+    fn climb_mps(&self, at: &Point3<f64>) -> f64 {
+        limit_at(&self.slow, &at.xy(), self.zone_reach_m(), CLIMB_MPS)
+    }
+
+    /// As near as that to a speed zone it is inside: its ball, and what may be wrong about its place.
+    fn zone_reach_m(&self) -> f64 {
+        self.config.radius_m + MARGIN_M
     }
 
     /// Present phase.
@@ -198,7 +221,8 @@ impl Fly {
             return Err("there is no room to fly above where it stands");
         }
         let limits = &self.config.limits;
-        let climb = fly_up(&FlightState::resting_at(here), self.flight_height_m, CLIMB_MPS, limits)
+        let climb_mps = self.climb_mps(&here);
+        let climb = fly_up(&FlightState::resting_at(here), self.flight_height_m, climb_mps, limits)
             .map_err(|_| "no climb to its flight height was proved")?;
         self.hover = here;
         self.yaw_rad = world_from_body.rotation.euler_angles().2;

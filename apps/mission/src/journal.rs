@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::stage_clock::StageClock;
+use crate::steering::ControlEntry;
 
 /// One decision from prompt to verdict. Serialised as one line of `decisions.jsonl`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -82,6 +83,8 @@ pub struct Journal {
     pub curves: Vec<CurveSample>,
     /// Where the time went.
     pub clock: StageClock,
+    /// What people said while it ran, in order.
+    pub controls: Vec<ControlEntry>,
     /// Things worth telling a person, with their time: a sensor that was ignored, a model that did not answer.
     pub notes: Vec<(f64, String)>,
 }

@@ -19,6 +19,7 @@ use crate::map_frame::MapFrame;
 use crate::mission::{Mission, Outcome};
 use crate::stream::SensorEvent;
 use crate::world_model::WorldModel;
+use crate::zones::ZoneFrame;
 
 /// Looks kept: half a minute of scans.
 const MOST_LOOKS: usize = 300;
@@ -103,9 +104,15 @@ impl Mission {
         self.lost.is_some()
     }
 
+    /// Whether there are zones of which nobody knows yet where they lie, because the robot does not know where it is: it stays where it stands.
+    pub(crate) fn waits_for_zones(&self) -> bool {
+        self.is_lost() && self.config.zones.frame == ZoneFrame::Map && !self.config.zones.is_empty()
+    }
+
     /// While the robot is lost: tries to recognise what it has seen, goes on to see more, or gives up.
     pub(crate) fn find_itself(&mut self, t_s: f64) {
-        if self.lost.is_none() || self.outcome.is_some() || self.is_interrupted || !self.may_try(t_s) {
+        let is_held = self.outcome.is_some() || self.is_interrupted || self.is_paused;
+        if self.lost.is_none() || is_held || !self.may_try(t_s) {
             return;
         }
         let (Some(lost), Some(looks)) = (&mut self.lost, &self.world.looks) else { return };
@@ -126,8 +133,14 @@ impl Mission {
         let is_last = lost.tries >= TRIES;
         self.journal.notes.push((t_s, format!("where it stands in the known map is not clear: {doubt}")));
         if is_last || !self.go_and_see_more(t_s) {
-            let reason =
-                format!("It cannot tell where in the known map it is: {doubt}. Its start can be given with --start.");
+            let zones = if self.waits_for_zones() {
+                " Because of the zones of that map it does not go to see more."
+            } else {
+                ""
+            };
+            let reason = format!(
+                "It cannot tell where in the known map it is: {doubt}.{zones} Its start can be given with --start."
+            );
             self.finish(Outcome::GaveUp { reason });
         }
     }
@@ -157,6 +170,9 @@ impl Mission {
 
     /// Sets out to the nearest border of what has been seen; false if there is none to go to.
     fn go_and_see_more(&mut self, t_s: f64) -> bool {
+        if self.waits_for_zones() {
+            return false;
+        }
         let Some(odometry) = &self.world.odometry else { return false };
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         let borders: Vec<_> = self.world.graph.frontiers().map(|place| (place.id, place.position.xy())).collect();

@@ -1,5 +1,6 @@
 //! The mission: an instruction, a robot, and everything it knows and has done so far.
 
+use dsg::PlaceId;
 use nalgebra::Isometry3;
 use octant_prompt::{Critic, Instruction, parse_instruction};
 use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
@@ -17,6 +18,7 @@ use crate::returning::WayHome;
 use crate::standstill::Standstill;
 use crate::stream::Command;
 use crate::world_model::WorldModel;
+use crate::zones::ZoneFrame;
 
 /// How a mission ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +75,9 @@ pub struct Mission {
     pub(crate) standstill: Standstill,
     pub(crate) t_moved_s: Option<Stamp>,
     pub(crate) is_interrupted: bool,
+    pub(crate) is_paused: bool,
+    pub(crate) cancelled_s: Option<f64>,
+    has_checked_zones: bool,
     pub(crate) interest: Vec<u64>,
     pub(crate) nouns: Vec<octant_prompt::vocabulary::Class>,
     pub(crate) step_index: usize,
@@ -98,7 +103,7 @@ impl Mission {
     pub fn new(
         robot: &RobotModel,
         instruction: &str,
-        config: MissionConfig,
+        mut config: MissionConfig,
         camera: Equirectangular,
         reasoner: Mind,
         start: Stamp,
@@ -108,6 +113,10 @@ impl Mission {
         let instruction = parse_instruction(instruction);
         if instruction.steps.is_empty() {
             return Err(MissionError::EmptyInstruction);
+        }
+        if config.zones.frame == ZoneFrame::Start {
+            config.zones.check_start(&robot.footprint, &Isometry3::identity())?;
+            config.zones = config.zones.moved(world_from_body); // from now on in the frame of the odometry
         }
         let odometer = config.odometry.odometer(robot, world_from_body)?;
         let floor_m = world_from_body.translation.vector.z - robot.stance_height_m;
@@ -131,6 +140,9 @@ impl Mission {
             standstill: Standstill::default(),
             t_moved_s: None,
             is_interrupted: false,
+            is_paused: false,
+            cancelled_s: None,
+            has_checked_zones: false,
             interest: Vec::new(),
             nouns: instruction.nouns().iter().map(|noun| octant_prompt::vocabulary::Class::new(noun)).collect(),
             step_index: 0,
@@ -178,6 +190,24 @@ impl Mission {
         &self.config.standing_phrases
     }
 
+    /// Once the zones lie in the map: who stands in one that it must keep out of does not move.
+    pub(crate) fn refuse_to_stand_in_a_zone(&mut self) {
+        let (false, Some(odometry), Some(zones)) =
+            (self.has_checked_zones, &self.world.odometry, self.world.placed_zones())
+        else {
+            return;
+        };
+        self.has_checked_zones = true;
+        if let Err(error) = zones.check_start(&self.robot.footprint, &odometry.world_from_body) {
+            self.finish(Outcome::GaveUp { reason: error.to_string() });
+        }
+    }
+
+    /// Frontiers that the robot could still go to, by the rule of reasoner and critic: empty where a search has ended.
+    pub fn places_left(&mut self) -> Vec<PlaceId> {
+        self.snapshot().map_or_else(Vec::new, |snapshot| snapshot.places_left(&self.critic))
+    }
+
     /// The robot that carries it out.
     pub fn robot(&self) -> &RobotModel {
         &self.robot
@@ -200,7 +230,10 @@ impl Mission {
 
     /// Whether nothing is left to do: an outcome, or stopped by a person and at rest.
     pub fn is_over(&self) -> bool {
-        self.outcome.is_some() || (self.is_interrupted && self.body.is_down())
+        const RESTING_MPS: f64 = 0.05;
+        // Who does not know where it is does not know its speed either.
+        let rests = || self.world.odometry.is_none_or(|odometry| odometry.velocity_in_world_mps.norm() < RESTING_MPS);
+        self.outcome.is_some() || (self.is_interrupted && self.body.is_down() && (!self.has_pose() || rests()))
     }
 
     /// One line for people: what it is doing now.
@@ -209,6 +242,7 @@ impl Mission {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
+            None if self.is_paused && self.body.emergency().is_none() => "paused".into(),
             None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {

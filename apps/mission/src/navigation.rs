@@ -9,6 +9,8 @@ use robot_model::{RobotKind, RobotModel};
 use rustc_hash::FxHashSet;
 use volumetric_map::{Cell, OccupancyGrid, Volume};
 
+use crate::zones::{MARGIN_M, Zones};
+
 /// On the ground the route may cut this much into the circle that the robot sweeps when it turns: through a door it goes straight,
 /// and the local policy keeps the true outline clear whatever the route says. Without it a door of 1.0 m, drawn with cells of
 /// 5 cm at an odd angle, closes.
@@ -34,6 +36,8 @@ pub struct NavigationMap {
     stood_on: FxHashSet<(i64, i64)>,
     room: Room,
     radius_m: f64,
+    /// In the map.
+    pub(crate) zones: Zones,
 }
 
 /// Room that a robot keeps round the middle of its body.
@@ -91,7 +95,13 @@ impl NavigationMap {
             stood_on: FxHashSet::default(),
             room: Room::of(robot),
             radius_m,
+            zones: Zones::default(),
         }
+    }
+
+    /// Zones to keep out of are as good as walls from the next refresh on, and only here: rooms and things know nothing of them.
+    pub fn heed(&mut self, zones: &Zones) {
+        self.zones.clone_from(zones);
     }
 
     /// Whether the robot has been put into the map yet.
@@ -141,6 +151,7 @@ impl NavigationMap {
                 }
             }
         }
+        self.close();
         let blocked: Vec<bool> = self.grid.cells.iter().map(|cell| *cell != Cell::Free).collect();
         let view = GridView {
             origin: self.grid.origin,
@@ -155,6 +166,28 @@ impl NavigationMap {
     /// Straight ways through places too narrow to turn in, end to end.
     pub fn gates(&self) -> Vec<[Point2<f64>; 2]> {
         self.graph.as_ref().map(VisibilityGraph::gates).unwrap_or_default()
+    }
+
+    /// Every cell that a zone to keep out of touches, with its margin, is occupied.
+    fn close(&mut self) {
+        let resolution_m = self.grid.resolution_m;
+        let reach_m = std::f64::consts::FRAC_1_SQRT_2 * resolution_m;
+        let grow = nalgebra::Vector2::repeat(MARGIN_M + reach_m);
+        for keep_out in &self.zones.keep_out {
+            let (low, high) = keep_out.zone.bounds();
+            let range = |low: f64, high: f64, origin: f64, count: usize| {
+                let cell = |x: f64| ((x - origin) / resolution_m).floor();
+                cell(low).max(0.0) as usize..(cell(high) + 1.0).clamp(0.0, count as f64) as usize
+            };
+            let (low, high) = (low - grow, high + grow);
+            for iy in range(low.y, high.y, self.grid.origin.y, self.grid.height) {
+                for ix in range(low.x, high.x, self.grid.origin.x, self.grid.width) {
+                    if keep_out.zone.distance_m(&self.grid.center(ix, iy)) <= MARGIN_M + reach_m {
+                        self.grid.cells[iy * self.grid.width + ix] = Cell::Occupied;
+                    }
+                }
+            }
+        }
     }
 
     fn remember_footprint(&mut self, at: &Point2<f64>, reach_m: f64) {
@@ -204,8 +237,12 @@ impl NavigationMap {
     /// How much room the robot lacks at `point` to turn on the spot with a hand's breadth to spare; 0 where it has it.
     pub fn lacking_m(&self, point: &Point2<f64>) -> f64 {
         const SPARE_M: f64 = 0.08;
-        let clearance_m = self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point));
-        (self.radius_m + SPARE_M - clearance_m).max(0.0)
+        (self.radius_m + SPARE_M - self.clearance_at(point)).max(0.0)
+    }
+
+    /// Distance to the nearest cell that is not free, up to 2 m.
+    pub fn clearance_at(&self, point: &Point2<f64>) -> f64 {
+        self.graph.as_ref().map_or(0.0, |graph| graph.clearance_at(point))
     }
 
     /// Middles of the cells within `range_m` of `center` where the robot may not be: what is occupied, which the last scans may

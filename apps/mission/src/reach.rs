@@ -5,7 +5,7 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2};
 use volumetric_map::{OccupancyGrid, clearance};
 
 /// Length of the shortest way from the robot to every cell where its circle fits.
@@ -83,19 +83,54 @@ impl ReachMap {
         length_m.is_finite().then_some(f64::from(length_m))
     }
 
+    /// The shortest way from the robot to the reachable cell nearest to `point`, cell by cell; empty if there is none within `beside_m`.
+    pub fn way_to(&self, point: &Point2<f64>, beside_m: f64) -> Vec<Point2<f64>> {
+        let Some((mut cell, _)) = self.nearest_cell(point, beside_m) else { return Vec::new() };
+        let mut way = vec![self.center_of(cell)];
+        while let Some(next) = self.neighbours(cell).min_by(|a, b| self.length_m[*a].total_cmp(&self.length_m[*b]))
+            && self.length_m[next] < self.length_m[cell]
+        {
+            cell = next;
+            way.push(self.center_of(cell));
+        }
+        way.reverse();
+        way
+    }
+
+    /// Cells round one.
+    fn neighbours(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
+        let (ix, iy) = ((cell % self.width) as i64, (cell / self.width) as i64);
+        let around = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+        around.into_iter().map(move |(dx, dy)| (ix + dx, iy + dy)).filter_map(|(x, y)| {
+            let is_inside = x >= 0 && y >= 0 && x < self.width as i64 && y < self.height as i64;
+            is_inside.then(|| y as usize * self.width + x as usize)
+        })
+    }
+
+    fn center_of(&self, cell: usize) -> Point2<f64> {
+        let (ix, iy) = (cell % self.width, cell / self.width);
+        self.origin + Vector2::new(ix as f64 + 0.5, iy as f64 + 0.5) * self.resolution_m
+    }
+
     /// Length of the way to the nearest cell beside `point`, `None` if there is none within `beside_m` of it: the robot
     /// stands beside things, not in them.
     pub fn length_to(&self, point: &Point3<f64>, beside_m: f64) -> Option<f64> {
+        self.nearest_cell(&point.xy(), beside_m).map(|(_, length_m)| length_m)
+    }
+
+    /// The cell with the shortest way over it to `point`, and that way's length.
+    fn nearest_cell(&self, point: &Point2<f64>, beside_m: f64) -> Option<(usize, f64)> {
         let reach = (beside_m / self.resolution_m.max(1e-3)).ceil() as i64;
         let cx = ((point.x - self.origin.x) / self.resolution_m.max(1e-3)).floor() as i64;
         let cy = ((point.y - self.origin.y) / self.resolution_m.max(1e-3)).floor() as i64;
-        let mut best: Option<f64> = None;
+        let mut best: Option<(usize, f64)> = None;
         for iy in (cy - reach).max(0)..=(cy + reach).min(self.height as i64 - 1) {
             for ix in (cx - reach).max(0)..=(cx + reach).min(self.width as i64 - 1) {
                 let away = (((ix - cx).pow(2) + (iy - cy).pow(2)) as f64).sqrt() * self.resolution_m;
-                let length_m = f64::from(self.length_m[iy as usize * self.width + ix as usize]);
-                if away <= beside_m && length_m.is_finite() {
-                    best = Some(best.map_or(length_m + away, |known: f64| known.min(length_m + away)));
+                let cell = iy as usize * self.width + ix as usize;
+                let length_m = f64::from(self.length_m[cell]) + away;
+                if away <= beside_m && length_m.is_finite() && best.is_none_or(|(_, least_m)| length_m < least_m) {
+                    best = Some((cell, length_m));
                 }
             }
         }
@@ -162,10 +197,10 @@ mod tests {
         let open = ReachMap::new(&grid(8), &start, 0.2, &[]).length_to(&goal, 1.3).unwrap();
         assert!(open > 2.5, "a detour: {open}");
         assert_eq!(ReachMap::new(&grid(0), &start, 0.2, &[]).length_to(&goal, 1.3), None);
-        // A gap of 0.3 m is too narrow to turn in; as a gate it counts.
-        let gate = [Point2::new(1.5, 1.85), Point2::new(2.6, 1.85)];
-        assert_eq!(ReachMap::new(&grid(3), &start, 0.25, &[]).length_to(&goal, 1.3), None);
-        assert!(ReachMap::new(&grid(3), &start, 0.25, &[gate]).length_to(&goal, 1.3).is_some());
+        // A gap of 0.4 m is too narrow to turn in; as a gate it counts.
+        let gate = [Point2::new(1.3, 1.65), Point2::new(2.8, 1.65)];
+        assert_eq!(ReachMap::new(&grid(4), &start, 0.25, &[]).length_to(&goal, 1.3), None);
+        assert!(ReachMap::new(&grid(4), &start, 0.25, &[gate]).length_to(&goal, 1.3).is_some());
         assert_eq!(ReachMap::default().length_to(&goal, 1.3), None);
     }
 }

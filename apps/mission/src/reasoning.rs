@@ -21,6 +21,8 @@ pub struct Pending {
     revision: u64,
     pose: [f64; 4],
     answer: Waiting,
+    /// Nobody wants the answer any more; a model that is thinking is waited for all the same, for there is one of it.
+    is_dropped: bool,
 }
 
 #[allow(clippy::large_enum_variant)] // there is one of it
@@ -136,7 +138,7 @@ impl Mission {
             }
             None => return,
         };
-        self.pending = Some(Pending { asked_s: t_s, revision, pose, answer });
+        self.pending = Some(Pending { asked_s: t_s, revision, pose, answer, is_dropped: false });
     }
 
     /// Before the robot guesses or gives up: what failed is tried again, and patches that it can only look into count too.
@@ -156,11 +158,11 @@ impl Mission {
     /// Takes an answer that has come in, verifies it at the present revision, and acts on it.
     pub(crate) fn take_answer(&mut self, t_s: f64) {
         let Some(pending) = self.pending.take() else { return };
-        let Pending { asked_s, revision, pose, answer } = pending;
+        let Pending { asked_s, revision, pose, answer, is_dropped } = pending;
         let answer = match answer {
             Waiting::Due(due_s, answer) if t_s >= due_s => *answer,
             Waiting::Due(..) => {
-                self.pending = Some(Pending { asked_s, revision, pose, answer });
+                self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                 return;
             }
             Waiting::Thread(receiver) => match receiver.try_recv() {
@@ -172,7 +174,8 @@ impl Mission {
                     answer
                 }
                 Err(TryRecvError::Empty) => {
-                    self.pending = Some(Pending { asked_s, revision, pose, answer: Waiting::Thread(receiver) });
+                    let answer = Waiting::Thread(receiver);
+                    self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                     return;
                 }
                 Err(TryRecvError::Disconnected) => {
@@ -182,6 +185,9 @@ impl Mission {
                 }
             },
         };
+        if is_dropped {
+            return;
+        }
         let Some(now) = self.snapshot() else { return };
         let mut entry = self.entry(t_s, asked_s, revision, pose, &answer);
         entry.verdict_revision = now.graph.revision();
@@ -191,6 +197,12 @@ impl Mission {
             self.unsure += 1;
             const PATIENCE: u32 = 20;
             if self.unsure >= PATIENCE {
+                // Nobody could be agreed with, and yet there is somewhere to look: there, before anything is given up.
+                if let Some(place) = now.places_left(&self.critic).first().copied() {
+                    self.unsure = 0;
+                    self.act(Action::Explore(place), t_s);
+                    return;
+                }
                 let reason = "No action passed the critic any more, so the search is over.".into();
                 self.finish(Outcome::GaveUp { reason });
             }
@@ -212,6 +224,14 @@ impl Mission {
                     self.next_decision_s = t_s;
                 }
             }
+        }
+    }
+
+    /// The question that was asked, if any, is about something that nobody wants any more.
+    pub(crate) fn drop_question(&mut self) {
+        match &mut self.pending {
+            Some(Pending { answer: Waiting::Thread(_), is_dropped, .. }) => *is_dropped = true,
+            pending => *pending = None,
         }
     }
 

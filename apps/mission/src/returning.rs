@@ -24,6 +24,13 @@ pub(crate) struct WayHome {
     next_try_s: f64,
 }
 
+impl WayHome {
+    /// A new instruction: what failed may be tried again.
+    pub(crate) fn forgive(&mut self) {
+        *self = WayHome { start: self.start, ..WayHome::default() };
+    }
+}
+
 impl Mission {
     /// Keeps the place from which the robot sets out.
     pub(crate) fn remember_start(&mut self) {

@@ -1,5 +1,7 @@
 //! What is known at one moment, owned, so that a reasoner may keep it while the robot goes on; and one decision on it.
 
+use std::collections::BTreeMap;
+
 use dsg::{ObjectId, PlaceId, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3};
 use octant_prompt::{
@@ -10,6 +12,7 @@ use octant_prompt::{
 use crate::acting::Target;
 use crate::approach::{floor_distance_m, in_front_of};
 use crate::config::MissionConfig;
+use crate::gain::gain_m2;
 use crate::mission::Mission;
 use crate::reach::ReachMap;
 
@@ -30,6 +33,8 @@ pub struct Snapshot {
     beside_m: f64,
     stoppable: Vec<ObjectId>,
     frontiers: Vec<PlaceId>,
+    /// What the way to each frontier would show.
+    gains_m2: BTreeMap<PlaceId, f64>,
     visited: Vec<RoomId>,
     inspected: Vec<ObjectId>,
     rejected: Vec<Critique>,
@@ -41,17 +46,26 @@ pub struct Snapshot {
 impl Snapshot {
     /// Whether nothing is left to search, by the rule of reasoner and critic.
     pub(crate) fn search_is_over(&self, critic: &Critic) -> bool {
-        self.with_situation(|situation| !candidates(situation, &critic.grounding).has_search_left())
+        self.places_left(critic).is_empty()
+    }
+
+    /// The reachable places that are left to search, best first.
+    pub(crate) fn places_left(&self, critic: &Critic) -> Vec<PlaceId> {
+        self.with_situation(|situation| {
+            candidates(situation, &critic.grounding).places.iter().map(|place| place.id).collect()
+        })
     }
 
     /// Calls `use_it` with the borrowed form that the prompt crate takes.
     pub(crate) fn with_situation<T>(&self, use_it: impl FnOnce(&Situation) -> T) -> T {
         let path_length = |point: &Point3<f64>| self.reach.length_to(point, self.beside_m);
         let can_stop = |id: ObjectId| self.stoppable.contains(&id);
+        let gain_m2 = |id: PlaceId| self.gains_m2.get(&id).copied();
         let situation = Situation {
             step_index: self.step_index,
             camera_height_m: self.camera_height_m,
             frontiers: &self.frontiers,
+            gain_m2: Some(&gain_m2),
             visited: &self.visited,
             inspected: &self.inspected,
             rejected: &self.rejected,
@@ -116,6 +130,14 @@ impl Mission {
             .map(|object| object.id)
             .collect();
         let frontiers = graph.frontiers().map(|place| place.id).collect();
+        let beside_m = if self.memory.reprieves == 0 { BESIDE_M } else { IN_VIEW_M };
+        let gains_m2 = self.journal.clock.time("gain", || {
+            let world = &self.world;
+            let gain = |place: &dsg::Place| {
+                gain_m2(&reach.way_to(&place.position.xy(), beside_m), &world.slice, &world.coverage)
+            };
+            graph.frontiers().map(|place| (place.id, gain(place))).collect()
+        });
         Some(Snapshot {
             world_from_body: odometry.world_from_body,
             instruction: self.instruction.clone(),
@@ -123,9 +145,10 @@ impl Mission {
             // One height for every robot, or two robots at one pose would split the same room differently.
             camera_height_m: self.config.prompt.camera_height_m,
             reach,
-            beside_m: if self.memory.reprieves == 0 { BESIDE_M } else { IN_VIEW_M },
+            beside_m,
             stoppable,
             frontiers,
+            gains_m2,
             visited: self.memory.visited.clone(),
             inspected: self.memory.inspected.clone(),
             rejected: self

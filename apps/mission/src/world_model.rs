@@ -15,6 +15,7 @@ use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
 use crate::blind_spot::BlindSpot;
+use crate::closed_air::POST_SPACING_M;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -27,6 +28,7 @@ use crate::rooms::RoomMap;
 use crate::stage_clock::StageClock;
 use crate::stream::SensorEvent;
 use crate::vision_verifier::VisionVerifier;
+use crate::zones::{ZoneFrame, Zones};
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
@@ -123,6 +125,12 @@ pub struct WorldModel {
     pub coverage: Coverage,
     /// Where this robot can go.
     pub navigation: NavigationMap,
+    /// Where it may not be or only slowly, in the map; none before the map has its frame.
+    pub zones: Zones,
+    /// Posts round the zones to keep out of.
+    zone_posts: Vec<Point2<f64>>,
+    /// The frame in which the zones were put there.
+    zones_placed: Option<MapFrame>,
     /// From the body's middle, how far away the floor comes into sight: what the steepest rays of the first scans show.
     blind_m: f64,
     /// Rise of the steepest ray upwards, per metre of way: how far away a height over the eye comes into sight.
@@ -196,6 +204,9 @@ impl WorldModel {
             },
             coverage: Coverage::new(config.coverage.clone()),
             navigation: NavigationMap::new(robot),
+            zones: Zones::default(),
+            zone_posts: Vec::new(),
+            zones_placed: None,
             blind_m: f64::INFINITY,
             steepest_rise: 0.0,
             blind_spot: None,
@@ -383,11 +394,15 @@ impl WorldModel {
     /// between two scans nothing new is seen.
     pub fn obstacles_near(&mut self, here: &Point2<f64>) -> &[Point2<f32>] {
         const MEMORY_RANGE_M: f64 = 1.2;
+        // Farther than the scans count: nothing else shows a zone.
+        const POST_RANGE_M: f64 = 8.0;
         let newest = self.obstacles.back().map(|(stamp, _)| *stamp);
         if newest.is_none() || self.gathered.0 != newest {
             let mut points: Vec<Point2<f32>> =
                 self.obstacles.iter().flat_map(|(_, points)| points.iter().copied()).collect();
             points.extend(self.navigation.barred_near(here, MEMORY_RANGE_M));
+            let near = self.zone_posts.iter().filter(|post| (*post - here).norm() <= POST_RANGE_M);
+            points.extend(near.map(|post| post.cast::<f32>()));
             points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
             points.dedup();
             self.gathered = (newest, points);
@@ -470,6 +485,7 @@ impl WorldModel {
     /// Twice a second: surface, distances, places, rooms, relations, ways.
     pub fn refresh(&mut self, now_s: f64, clock: &mut StageClock) {
         let Some(odometry) = self.odometry else { return };
+        self.place_zones();
         clock.time("mesh", || self.volume.update_mesh());
         clock.time("distance", || self.field.update(&self.volume));
         let events = clock.time("places", || self.places.update(&self.field));
@@ -516,6 +532,39 @@ impl WorldModel {
                 vision.ask(&self.graph, odometry.stamp, &|eye, bounds| is_visible(eye, bounds, volume));
             });
         }
+    }
+
+    /// Puts the zones where they belong in the map, once that has its frame. Zones of a known map wait until the robot knows where in it
+    /// it is.
+    fn place_zones(&mut self) {
+        // On the ground closer than any robot is wide.
+        let spacing_m = match self.robot.kind {
+            RobotKind::Ground => 0.03,
+            RobotKind::Aerial => POST_SPACING_M,
+        };
+        let Frame::Set(frame) = self.frame else { return };
+        let is_waiting = self.config.zones.frame == ZoneFrame::Map && self.looks.is_some();
+        if self.zones_placed == Some(frame) || is_waiting {
+            return;
+        }
+        self.zones = match self.config.zones.frame {
+            ZoneFrame::Start => self.config.zones.moved(&frame.map_from_odometry),
+            ZoneFrame::Map => self.config.zones.clone(),
+        };
+        self.zone_posts = self.zones.posts(spacing_m);
+        self.navigation.heed(&self.zones);
+        self.gathered.0 = None;
+        self.zones_placed = Some(frame);
+    }
+
+    /// The zones, once they lie in the map.
+    pub fn placed_zones(&self) -> Option<&Zones> {
+        self.zones_placed.map(|_| &self.zones)
+    }
+
+    /// Posts round the zones to keep out of, in the map.
+    pub fn zone_posts(&self) -> &[Point2<f64>] {
+        &self.zone_posts
     }
 
     /// Offers the frontiers again that were left alone for a while.

@@ -1,5 +1,6 @@
 //! Laws of the flyer in a hall with a pillar: whatever it is told, and whenever, what it asks of the body is safe to do.
 
+use mission::closed_air::{ClosedAir, POST_SPACING_M};
 use mission::dsg::{Aabb, MoverConfig, MoverEvidence, SceneGraph, observe_movers};
 use mission::emergency::Emergency;
 use mission::fly::{Fly, Phase};
@@ -9,6 +10,7 @@ use mission::omni_perception::Stamp;
 use mission::planner::{AirSpace, Battery, Geofence, Mover};
 use mission::robot_model::RobotModel;
 use mission::stream::{Command, FlightSetPoint};
+use mission::zones::Zones;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use proptest::prelude::*;
 
@@ -81,6 +83,11 @@ struct Flight {
     now_ns: i64,
     /// The shortest distance to him.
     apart_m: f64,
+    /// Where it may not be or only slowly, and the posts round that.
+    zones: Zones,
+    posts: Vec<Point2<f64>>,
+    /// How much faster it was somewhere than a zone allows.
+    excess_mps: f64,
     /// Share of the battery that a second takes.
     drain_per_s: f64,
     charge: f64,
@@ -113,6 +120,9 @@ impl Flight {
             graph: None,
             now_ns: 0,
             apart_m: f64::INFINITY,
+            zones: Zones::default(),
+            posts: Vec::new(),
+            excess_mps: f64::NEG_INFINITY,
             drain_per_s: 0.0,
             charge: 1.0,
         };
@@ -146,10 +156,19 @@ impl Flight {
                 walker.position += walker.velocity_mps * PERIOD_S;
                 self.apart_m = self.apart_m.min((walker.position - position_in_world).norm() - walker.radius_m);
             }
-            self.step_m = self.step_m.max((position_in_world - self.at).norm());
+            let step_m = (position_in_world - self.at).norm();
+            for slow in &self.zones.speed {
+                let is_inside = |p: &Point3<f64>| slow.zone.zone.distance_m(&p.xy()) <= self.radius_m;
+                if is_inside(&self.at) && is_inside(&position_in_world) {
+                    self.excess_mps = self.excess_mps.max(step_m / PERIOD_S - slow.zone.max_mps);
+                }
+            }
+            self.step_m = self.step_m.max(step_m);
             self.at = position_in_world;
             if self.fly.phase() == Phase::Flying {
-                self.nearest_m = self.nearest_m.min(distance_m(&self.at).unwrap_or(0.0));
+                let zone_m = self.zones.keep_out.iter().map(|keep_out| keep_out.zone.distance_m(&self.at.xy()));
+                let near_m = zone_m.fold(distance_m(&self.at).unwrap_or(0.0), f64::min);
+                self.nearest_m = self.nearest_m.min(near_m);
             }
         }
     }
@@ -186,7 +205,11 @@ impl Flight {
             Some(graph) => movers(graph, Stamp(self.now_ns)),
             None => self.walker.filter(|_| self.sees_walker).into_iter().collect(),
         };
-        let air = AirSpace { distance: &distance_m, obstacles: &obstacles, movers: &walker };
+        let closed = ClosedAir { zones: &self.zones, posts: &self.posts, far_m: 2.0 };
+        let distance = |p: &Point3<f64>| closed.distance_m(p, distance_m(p));
+        let obstacles = |low: &Point3<f64>, high: &Point3<f64>| closed.obstacles(low, high, obstacles(low, high));
+        let air = AirSpace { distance: &distance, obstacles: &obstacles, movers: &walker };
+        self.fly.limit_speed(&self.zones);
         self.fly.replan(route.as_ref().map(|route| &route[..]), &air, &way_home_m);
     }
 }
@@ -223,6 +246,31 @@ proptest! {
         prop_assert!(flight.nearest_m >= flight.radius_m, "{} m", flight.nearest_m);
         prop_assert!(flight.step_m <= 2.5 * PERIOD_S, "{} m in one period", flight.step_m);
         prop_assert!(flight.turn_radps <= 0.6 + 1e-6, "it turned at {} rad/s", flight.turn_radps);
+    }
+
+    /// The same with a zone that it must keep out of and one in which it may only be slow: its ball enters the first nowhere, and in the second
+    /// its set-point is nowhere faster than allowed.
+    #[test]
+    fn no_order_leads_into_a_zone_or_fast_through_one(
+        orders in proptest::collection::vec((place(), 0.5..4.0f64), 1..6),
+        closed in (4.6..7.0f64, 0.5..5.5f64, 0.2..1.0f64), slow in (3.2..7.5f64, 0.5..5.5f64, 0.3..1.5f64), limit in 0.15..0.6f64,
+    ) {
+        let square = |(x, y, half): (f64, f64, f64)| {
+            format!("[[{},{}],[{},{}],[{},{}],[{},{}]]", x - half, y - half, x + half, y - half, x + half, y + half, x - half, y + half)
+        };
+        let text = format!(
+            "{{\"keep_out\": [{{\"corners_m\": {}}}], \"speed\": [{{\"corners_m\": {}, \"max_mps\": {limit}}}]}}",
+            square(closed), square(slow)
+        );
+        let mut flight = Flight::new();
+        flight.zones = Zones::parse(&text).unwrap();
+        flight.posts = flight.zones.posts(POST_SPACING_M);
+        for (target, seconds) in orders {
+            flight.set_goal(target);
+            flight.go(seconds);
+        }
+        prop_assert!(flight.nearest_m >= flight.radius_m, "{} m", flight.nearest_m);
+        prop_assert!(flight.excess_mps <= 1e-3, "{} m/s too fast", flight.excess_mps);
     }
 
     /// Every free place is reached, past the pillar if need be.

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use arena::cli::load_robot;
 use arena::mission::navigation::Room;
-use arena::mission::planner::{PolygonMap, Raster};
+use arena::mission::planner::{NoWay, PolygonMap, Raster, Unreached};
 use arena::mission::robot_model::RobotKind;
 use clap::Args;
 use nalgebra::Point2;
@@ -66,7 +66,7 @@ pub fn run(options: &PlanGroundOptions) -> Result<ExitCode> {
         let (start, goal) = (Point2::from(pair.start), Point2::from(pair.goal));
         let (way, query_ms) = fastest(options.repeats, || map.route(&start, &goal));
         Answer {
-            way: way.map(|way| (way.length, way.points)).map_err(|error| error.to_string()),
+            way: way.map(|way| (way.length, way.points)).map_err(|error| (error.to_string(), nearest_of(&error))),
             query_us: 1e3 * query_ms,
         }
     });
@@ -102,21 +102,28 @@ fn with_room(
     let (cell_m, graph) = graph?;
     let answers = pairs.iter().map(|pair| {
         let (start, goal) = (Point2::from(pair.start) * scale, Point2::from(pair.goal) * scale);
-        let (way, query_ms) = fastest(options.repeats, || graph.route(&start, &goal));
+        let (way, query_ms) = fastest(options.repeats, || graph.find(&start, &goal));
         // A robot that stands where it has no room is not pulled elsewhere in silence.
         let moved_m = cell_m * std::f64::consts::SQRT_2;
         let way = match way {
-            Some(way) if way.start_pull_m <= moved_m && way.goal_pull_m <= moved_m => {
+            Ok(way) if way.start_pull_m > moved_m => Err(("the robot has no room at the start".to_owned(), None)),
+            Ok(way) if way.goal_pull_m <= moved_m => {
                 Ok((way.length_m / scale, way.points.iter().map(|p| p / scale).collect()))
             }
-            Some(way) if way.start_pull_m > moved_m => Err("the robot has no room at the start".to_owned()),
-            _ => Err(match graph.nearest_reachable(&start, &goal) {
-                Some((nearest, off_m)) => {
-                    let nearest = nearest / scale;
-                    format!("this robot does not get to the goal; the nearest point it gets to is [{:.3}, {:.3}], {off_m:.2} m from it", nearest.x, nearest.y)
-                }
-                None => "the robot has no room at the start".to_owned(),
-            }),
+            Ok(_) => Err(graph.nearest_reachable(&start, &goal).map_or_else(
+                || ("the robot has no room at the start".to_owned(), None),
+                |(nearest, off_m)| refused("there is no room for it at the goal", nearest / scale, off_m),
+            )),
+            Err(Unreached::NotFinite | Unreached::StartBlocked) => {
+                Err(("the robot has no room at the start".to_owned(), None))
+            }
+            Err(Unreached::GoalOutside { nearest, off_m }) => {
+                Err(refused("the goal is outside of the map", nearest / scale, off_m))
+            }
+            Err(Unreached::GoalBlocked { nearest, off_m }) => {
+                Err(refused("there is no room for it at the goal", nearest / scale, off_m))
+            }
+            Err(Unreached::Apart { nearest, off_m }) => Err(refused("no way is wide enough", nearest / scale, off_m)),
         };
         Answer { way, query_us: 1e3 * query_ms }
     });
@@ -136,10 +143,22 @@ fn with_room(
     print(options, build, &built, &answers)
 }
 
+/// Why this robot does not get there, and what it gets to instead, in units of the map.
+fn refused(why: &str, nearest: Point2<f64>, off_m: f64) -> Refusal {
+    let (x, y) = (nearest.x, nearest.y);
+    let reason = format!(
+        "this robot does not get to the goal ({why}); the nearest point it gets to is [{x:.3}, {y:.3}], {off_m:.2} m from it"
+    );
+    (reason, Some(nearest))
+}
+
+/// Why there is no way, and the place that is offered instead, if there is one.
+type Refusal = (String, Option<Point2<f64>>);
+
 /// What came of a pair.
 struct Answer {
-    /// Length and points in units of the map, or why there is no way.
-    way: Result<(f64, Vec<Point2<f64>>), String>,
+    /// Length and points in units of the map.
+    way: Result<(f64, Vec<Point2<f64>>), Refusal>,
     query_us: f64,
 }
 
@@ -151,7 +170,10 @@ fn print(options: &PlanGroundOptions, mut build: Value, built: &str, answers: &[
                 let path: Vec<[f64; 2]> = points.iter().map(|p| [p.x, p.y]).collect();
                 json!({"length": length, "query_us": answer.query_us, "path": path})
             }
-            Err(reason) => json!({"length": null, "query_us": answer.query_us, "path": [], "reason": reason}),
+            Err((reason, nearest)) => {
+                let nearest = nearest.map(|p| [p.x, p.y]);
+                json!({"length": null, "query_us": answer.query_us, "path": [], "reason": reason, "nearest": nearest})
+            }
         });
         build["pairs"] = pairs.collect();
         arena::say!("{build}");
@@ -159,12 +181,22 @@ fn print(options: &PlanGroundOptions, mut build: Value, built: &str, answers: &[
         let mean_us = answers.iter().map(|answer| answer.query_us).sum::<f64>() / count.max(1) as f64;
         arena::say!("{built}; {found} of {count} ways, {mean_us:.1} us each");
         for (number, answer) in answers.iter().enumerate() {
-            if let Err(reason) = &answer.way {
+            if let Err((reason, _)) = &answer.way {
                 arena::say!("pair {number}: {reason}");
             }
         }
     }
     Ok(if found == count { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The place that is offered instead: the nearest free one to the start, or that can be reached to the goal.
+fn nearest_of(error: &NoWay) -> Option<Point2<f64>> {
+    match error {
+        NoWay::NotFinite => None,
+        NoWay::StartBlocked { nearest, .. } | NoWay::GoalBlocked { nearest, .. } | NoWay::Unreachable { nearest } => {
+            Some(*nearest)
+        }
+    }
 }
 
 /// The result, and the shortest time of so many runs (ms): what others did on the machine meanwhile is not in it.

@@ -34,10 +34,11 @@ fn ways_have_stable_keys_and_bend_at_corners() {
     assert_eq!(way["length"], json!(12.0));
     assert_eq!(result["vertices"], json!(8));
     let reason = result["pairs"][1]["reason"].as_str().unwrap();
-    assert!(reason.contains("the nearest point that can be reached is {4, 5}"), "{reason}");
+    assert!(reason.contains("inside hole 0 of the map; the nearest point that can be reached is {4, 5}"), "{reason}");
+    assert_eq!(result["pairs"][1]["nearest"], json!([4.0, 5.0]));
     let (code, out, _) = plan_ground(&map, &[]);
     assert!(
-        code == Some(1) && out.contains("1 of 2 ways") && out.contains("pair 1: the goal is not in free space"),
+        code == Some(1) && out.contains("1 of 2 ways") && out.contains("pair 1: the goal is inside hole 0"),
         "{out}"
     );
 }

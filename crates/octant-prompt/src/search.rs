@@ -1,8 +1,9 @@
 //! Where to look next: OmniVLN's functional group inference turned into an order of search places.
 //!
 //! value = likelihood x gain / (path + 3 m). The likelihood is that of the place's room holding the target or an anchor (usual contents
-//! of the kinds the room may be), or of being or leading to the room the instruction names. The gain of a frontier grows with the
-//! unknown space behind it; a place from which things were not yet seen closely is worth much for small targets and little for large.
+//! of the kinds the room may be), or of being or leading to the room the instruction names. The gain of a frontier is the area that the
+//! way to it would show, where somebody counted it ([`Situation::gain_m2`]), and else grows with its size; a place from which things were
+//! not yet seen closely is worth much for small targets and little for large.
 
 use dsg::{PlaceId, RoomId};
 use nalgebra::Point3;
@@ -37,6 +38,11 @@ pub struct SearchPlace {
 
 /// All reachable search places, best first (ties by id). Places that failed before are left out.
 pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> Vec<SearchPlace> {
+    /// A way that shows so much counts 1, metres squared; a door into a room of which nothing is known.
+    const FULL_GAIN_M2: f64 = 8.0;
+    /// What a way counts that shows next to nothing, for the count may be wrong; and one that shows much.
+    const LEAST_GAIN: f64 = 0.2;
+    const MOST_GAIN: f64 = 1.5;
     /// Path length added to every place, metres: what turning and looking costs.
     const OVERHEAD_M: f64 = 3.0;
     let Some(step) = situation.step() else {
@@ -96,7 +102,10 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
             likelihood *= if is_frontier { 1.4 } else { 2.0 };
         }
         let gain = if is_frontier {
-            0.5 + 0.5 * (f64::from(place.frontier_cells) / 40.0).min(1.0)
+            match situation.gain_m2.and_then(|gain_m2| gain_m2(id)) {
+                Some(area_m2) => (area_m2 / FULL_GAIN_M2).clamp(LEAST_GAIN, MOST_GAIN),
+                None => 0.5 + 0.5 * (f64::from(place.frontier_cells) / 40.0).min(1.0),
+            }
         } else if small {
             0.6
         } else {

@@ -28,6 +28,8 @@ pub struct Situation<'a> {
     pub can_stop: &'a dyn Fn(ObjectId) -> bool,
     /// Places that border unknown space and are worth driving to; empty when the building is explored.
     pub frontiers: &'a [PlaceId],
+    /// What the way to a frontier would show that was not seen yet, in square metres, if somebody counts it; None there: unknown.
+    pub gain_m2: Option<&'a dyn Fn(PlaceId) -> Option<f64>>,
     /// Places not yet seen from nearby, where small things may have been missed.
     pub unseen: &'a [PlaceId],
     /// Rooms the robot has been in during this step.
@@ -62,6 +64,7 @@ impl<'a> Situation<'a> {
             path_length,
             can_stop,
             frontiers: &[],
+            gain_m2: None,
             unseen: &[],
             visited: &[],
             inspected: &[],

@@ -71,6 +71,7 @@ pub mod aerial;
 pub mod air;
 #[cfg(feature = "ground")]
 pub mod ground;
+pub mod zone;
 
 #[cfg(feature = "air")]
 pub use aerial::{AirPlan, AirPlanError, AirSpace, plan_air};
@@ -113,8 +114,10 @@ pub use ground::{
     grid::{GridView, GroundError},
     local_policy::{LocalCommand, LocalPolicy, LocalStatus},
     policy_config::{LocalPolicyConfig, LocalPolicyError},
-    polygon_map::{NoWay, PolygonError, PolygonMap, PolygonRoute},
+    polygon_map::{NoWay, Obstruction, PolygonError, PolygonMap, PolygonRoute},
     raster::Raster,
+    route::Unreached,
     traffic::GroundMover,
     visibility::{Route, VisibilityGraph},
 };
+pub use zone::{SpeedZone, Zone, ZoneError};

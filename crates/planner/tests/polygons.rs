@@ -3,7 +3,7 @@
 mod support;
 
 use nalgebra::Point2;
-use planner::{NoWay, PolygonError, PolygonMap};
+use planner::{NoWay, Obstruction, PolygonError, PolygonMap};
 use proptest::prelude::*;
 use serde_json::Value;
 use support::SplitMix;
@@ -160,11 +160,11 @@ proptest! {
                     let back = map.route(&place(&goal), &place(&start)).expect("the way back");
                     prop_assert!((back.length - route.length).abs() <= 1e-12 * (1.0 + wanted));
                 }
-                Err(NoWay::StartBlocked { nearest }) => {
+                Err(NoWay::StartBlocked { nearest, .. }) => {
                     prop_assert!(!world.is_free(start, start));
                     prop_assert!(map.route(&nearest, &nearest).is_ok() || (nearest - place(&start)).norm() < 4.0);
                 }
-                Err(NoWay::GoalBlocked { nearest }) => {
+                Err(NoWay::GoalBlocked { nearest, .. }) => {
                     prop_assert!(world.is_free(start, start) && !world.is_free(goal, goal));
                     prop_assert!((nearest - place(&goal)).norm() < 4.0);
                 }
@@ -235,6 +235,35 @@ fn what_cannot_be_a_map_or_a_way_is_refused_with_the_reason() {
     assert!(through.length > 6.0 && through.length < 8.0, "{through:?}");
     assert_eq!(map.route(&Point2::new(f64::NAN, 1.0), &Point2::new(5.0, 5.0)), Err(NoWay::NotFinite));
     let nearest = Point2::new(10.0, 5.0);
-    assert_eq!(map.route(&Point2::new(1.0, 1.0), &Point2::new(12.0, 5.0)), Err(NoWay::GoalBlocked { nearest }));
-    assert_eq!(map.route(&Point2::new(12.0, 5.0), &Point2::new(1.0, 1.0)), Err(NoWay::StartBlocked { nearest }));
+    assert_eq!(
+        map.route(&Point2::new(1.0, 1.0), &Point2::new(12.0, 5.0)),
+        Err(NoWay::GoalBlocked { by: Obstruction::Outside, nearest })
+    );
+    assert_eq!(
+        map.route(&Point2::new(12.0, 5.0), &Point2::new(1.0, 1.0)),
+        Err(NoWay::StartBlocked { by: Obstruction::Outside, nearest })
+    );
+}
+
+/// Beyond the map or in a piece of furniture: each is named, and the place that is offered instead can be reached.
+#[test]
+fn a_goal_that_cannot_be_says_why_and_offers_the_nearest_place() {
+    let square = |x: f64, y: f64, side: f64| {
+        [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)].map(|(dx, dy)| Point2::new(x + dx, y + dy)).to_vec()
+    };
+    let room = square(0.0, 0.0, 10.0);
+    let table = square(2.0, 2.0, 1.0);
+    let map = PolygonMap::new(&room, &[square(6.0, 6.0, 2.0), table]).expect("a map");
+    let start = Point2::new(1.0, 1.0);
+    for (goal, by, nearest) in [
+        (Point2::new(30.0, 5.0), Obstruction::Outside, Point2::new(10.0, 5.0)),
+        (Point2::new(2.5, 2.1), Obstruction::Hole(1), Point2::new(2.5, 2.0)),
+        (Point2::new(7.9, 7.0), Obstruction::Hole(0), Point2::new(8.0, 7.0)),
+    ] {
+        let error = map.route(&start, &goal).unwrap_err();
+        assert_eq!(error, NoWay::GoalBlocked { by, nearest });
+        assert!(error.to_string().contains(&by.to_string()), "{error}");
+        assert!(map.route(&start, &nearest).is_ok());
+        assert!(matches!(map.route(&goal, &start), Err(NoWay::StartBlocked { by: held, .. }) if held == by));
+    }
 }

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use arena::mission::journal::DecisionEntry;
 use arena::mission::robot_model::{RobotKind, RobotModel};
+use arena::orders::Orders;
 use arena::referee::Referee;
 use arena::run::{RunConfig, RunResult, Setup, run};
 use arena::scenario::{Scene, draw_start, robot_truth};
@@ -63,9 +64,22 @@ pub fn run_from(
     start: &Isometry3<f64>,
     seed: u64,
 ) -> RunResult {
+    steered_run(config, robot, scene, text, start, seed, Orders::default())
+}
+
+/// One run in the middle of which somebody speaks.
+pub fn steered_run(
+    config: &RunConfig,
+    robot: &RobotModel,
+    scene: &Scene,
+    text: &str,
+    start: &Isometry3<f64>,
+    seed: u64,
+    orders: Orders,
+) -> RunResult {
     let task = Task::read(text, &scene.building).expect("the referee understands the sentence");
     let stop = Arc::new(AtomicBool::new(false));
-    let setup = Setup { config, robot, scene, task: &task, start, known: None, seed, vehicle: None };
+    let setup = Setup { config, robot, scene, task: &task, start, known: None, seed, vehicle: None, orders };
     run(setup, &stop, &mut |_| {}).expect("the run can be set up")
 }
 

@@ -2,11 +2,12 @@
 
 use nalgebra::{Point2, Point3};
 use planner::{
-    AirPlan, AirPlanError, AirSpace, FlightState, HeadingPlan, Movers, PolynomialTrajectory, TouchDown, fly_down,
-    plan_air,
+    AirConfig, AirPlan, AirPlanError, AirSpace, FlightLimits, FlightState, HeadingPlan, Movers, PolynomialTrajectory,
+    TouchDown, fly_down, plan_air,
 };
 
-use super::{CLIMB_MPS, Fly, Following, LandingWish, Phase, RESTING_MPS, YAW_PART};
+use super::stages::{Stage, exceeded, first_stage};
+use super::{Fly, Following, LandingWish, Phase, RESTING_MPS, YAW_PART};
 use crate::air_checks::{INTRUSION_M, is_column_free, keeps, keeps_to_the_known, landing_places};
 use crate::emergency::{Emergency, RETURN_ROOM};
 use crate::goal::{Goal, GoalStatus};
@@ -46,26 +47,27 @@ impl Fly {
         if self.status != GoalStatus::Underway {
             return;
         }
-        let Some((route, end)) = route.and_then(|route| Some((route, *route.last()?))) else {
+        let Some(route) = route.filter(|route| !route.is_empty()) else {
             self.fail_once("no way through what is known");
             return;
         };
         let at_height = |point: Point2<f64>| Point3::new(point.x, point.y, self.flight_height_m);
-        let goal = at_height(end);
+        let stage = first_stage(route, &self.slow, self.zone_reach_m(), self.config.limits.max_speed_mps);
+        let goal = at_height(stage.end);
         if let Some(following) = self.flying.as_ref().filter(|_| is_free) {
             let ends_there = (following.end() - goal).norm() < 0.15;
             if ends_there || (following.left_m > 0.0 && following.left_s() > REPLAN_BEFORE_S) {
-                self.has_planned |= ends_there;
+                self.has_planned |= ends_there && stage.left_m == 0.0;
                 return;
             }
         }
         let start = self.state();
         let half = at_height(middle_of(route));
-        match plan_air(&start, &goal, air, &self.config) {
+        match self.plan_stage(&start, &goal, &stage, air) {
             Ok(plan) if self.refuses(&plan, &target, way_home_m) => {
                 self.fail_once("the battery would not bring it back from there");
             }
-            Ok(plan) if plan.left_m > 0.0 => self.follow_part(plan),
+            Ok(plan) if plan.left_m > 0.0 => self.follow_part(plan), // also where the way goes on behind its stage
             Ok(plan) => {
                 let is_there = (plan.trajectory.sample(f64::MAX).p.xy() - target).norm() <= tolerance_m;
                 if is_there {
@@ -90,7 +92,7 @@ impl Fly {
             Err(error) => {
                 self.fail_once(sentence(&error));
                 if self.status == GoalStatus::Underway
-                    && let Ok(plan) = plan_air(&start, &half, air, &self.config)
+                    && let Ok(plan) = self.plan_stage(&start, &half, &Stage { left_m: 0.0, ..stage }, air)
                     && !self.refuses(&plan, &target, way_home_m)
                 {
                     let left_m = plan.left_m + (plan.trajectory.sample(f64::MAX).p - goal).norm();
@@ -98,6 +100,28 @@ impl Fly {
                 }
             }
         }
+    }
+
+    /// A flight to the end of a stage within its limit. One that would touch a slower zone all the same, beside the way, is flown as slowly as
+    /// that demands.
+    fn plan_stage(
+        &self,
+        start: &FlightState,
+        goal: &Point3<f64>,
+        stage: &Stage,
+        air: &AirSpace,
+    ) -> Result<AirPlan, AirPlanError> {
+        let within = |max_mps: f64| {
+            let limits = FlightLimits { max_speed_mps: max_mps, ..self.config.limits };
+            let plan = plan_air(start, goal, air, &AirConfig { limits, ..self.config.clone() })?;
+            Ok::<AirPlan, AirPlanError>(AirPlan { left_m: plan.left_m + stage.left_m, ..plan })
+        };
+        let mut plan = within(stage.max_mps)?;
+        for _ in &self.slow {
+            let Some(slower_mps) = exceeded(&plan.trajectory, &self.slow, self.zone_reach_m()) else { break };
+            plan = within(slower_mps)?;
+        }
+        Ok(plan)
     }
 
     /// Whether the battery would not bring it back after this flight. The way home itself is never refused.
@@ -226,7 +250,7 @@ impl Fly {
 
     /// Begins the descent from rest.
     pub(super) fn go_down(&mut self) {
-        let touch = TouchDown { descent_mps: CLIMB_MPS, ..TouchDown::default() };
+        let touch = TouchDown { descent_mps: self.climb_mps(&self.hover), ..TouchDown::default() };
         let here = FlightState::resting_at(self.hover);
         // Lower than that it is down already.
         let Ok(down) = fly_down(&here, self.ground_clearance_m, &touch, &self.config.limits) else {
@@ -277,7 +301,6 @@ mod tests {
     use super::*;
     use crate::stream::Command;
     use nalgebra::{Isometry3, Vector3};
-    use planner::AirConfig;
     use robot_model::RobotModel;
 
     /// Flies at a wall with 1 m/s and is told to stay; where the wall lets the ball pass by `beyond_m` beyond the place

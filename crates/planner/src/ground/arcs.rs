@@ -23,8 +23,11 @@ impl LocalPolicy {
         let c = &self.config;
         let nearness = ((clearance_m - c.margin_m) / c.slow_clearance_m).clamp(0.3, 1.0);
         let straightness = (1.0 - error.abs() / 1.3).max(0.15);
-        let wanted =
-            (c.max_speed_mps * nearness * straightness).min((1.4 * c.max_accel_mps2 * remaining).sqrt()).max(0.05);
+        let limit = self.speed_limit_mps(pose);
+        let wanted = (c.max_speed_mps * nearness * straightness)
+            .min((1.4 * c.max_accel_mps2 * remaining).sqrt())
+            .max(0.05)
+            .min(limit);
         let mut ways: Vec<(f64, Twist)> = Vec::with_capacity(64);
         for share in [1.0, 0.6, 0.3] {
             for offset in [0.0, 0.2, -0.2, 0.45, -0.45, 0.8, -0.8, 1.2, -1.2] {

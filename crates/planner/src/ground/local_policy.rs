@@ -13,6 +13,7 @@ use super::obstacles::{ObstacleField, Pose};
 use super::path::Path;
 use super::policy_config::{LocalPolicyConfig, LocalPolicyError};
 use super::traffic::{GroundMover, Traffic};
+use crate::zone::SpeedZone;
 
 /// What the policy is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +62,7 @@ pub struct LocalPolicy {
     pub(super) footprint: Footprint,
     pub(super) field: ObstacleField,
     pub(super) traffic: Traffic,
+    slow: Vec<SpeedZone>,
     pub(super) ramp: Ramp,
     mode: Mode,
     pub(super) last: Twist,
@@ -91,6 +93,7 @@ impl LocalPolicy {
             footprint,
             field: ObstacleField::default(),
             traffic: Traffic::default(),
+            slow: Vec::new(),
             ramp,
             mode: Mode::Follow,
             last: Twist::default(),
@@ -98,6 +101,21 @@ impl LocalPolicy {
             idle_s: 0.0,
             blocked_count: 0,
         })
+    }
+
+    /// From now on the robot is only so fast where any part of its circle is in one of these zones (in the world), and brakes before.
+    pub fn limit_speed(&mut self, zones: Vec<SpeedZone>) {
+        self.slow = zones;
+    }
+
+    /// The largest speed from which the robot can slow down in time for every zone.
+    pub(super) fn speed_limit_mps(&self, pose: &Pose) -> f64 {
+        let (c, at) = (&self.config, Point2::new(pose.x, pose.y));
+        let radius_m = self.footprint.circumscribed_radius_m + c.margin_m;
+        // A little less than all of the brake, so that the robot slows down instead of being refused its speed at every step.
+        let brake_mps2 = 0.8 * c.max_accel_mps2;
+        let limits = self.slow.iter().map(|slow| slow.speed_at(&at, radius_m, brake_mps2, c.max_speed_mps));
+        limits.fold(c.max_speed_mps, f64::min)
     }
 
     /// One cycle. `pose` is (x, y, yaw) in the world, `velocity` is (vx, vy, yaw rate) in the body frame as measured,
@@ -299,7 +317,8 @@ impl LocalPolicy {
         let c = &self.config;
         let (sin, cos) = pose.yaw.sin_cos();
         let distance = to_end.norm();
-        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance).sqrt().min(c.max_speed_mps).min(1.5 * distance);
+        let limit = self.speed_limit_mps(pose);
+        let speed = (0.7 * 2.0 * c.max_accel_mps2 * distance).sqrt().min(limit).min(1.5 * distance);
         let direction = to_end / distance.max(1e-9);
         let (fx, fy) = (cos * direction.x + sin * direction.y, cos * direction.y - sin * direction.x);
         let limit_x = if fx >= 0.0 { c.max_speed_mps } else { c.max_reverse_speed_mps };
@@ -330,8 +349,8 @@ impl LocalPolicy {
         let c = &self.config;
         for target in wanted {
             let first = self.ramp.toward(now, target, c.period_s);
-            let free =
-                Free { field: &self.field, traffic: &self.traffic, footprint: &self.footprint, margin_m: c.margin_m };
+            let (field, traffic, footprint) = (&self.field, &self.traffic, &self.footprint);
+            let free = Free { field, traffic, footprint, margin_m: c.margin_m, slow: &self.slow };
             if can_stop(&free, &self.ramp, c.period_s, pose, &first) {
                 return first;
             }

@@ -1,11 +1,12 @@
 //! How the base moves: velocity in the body frame, limited acceleration, arcs. All of it is exact copies of what
 //! the policy commands, so that a checked stop is the stop that happens.
 
-use nalgebra::Vector2;
+use nalgebra::{Point2, Vector2};
 
 use super::footprint::Footprint;
 use super::obstacles::{ObstacleField, Pose};
 use super::traffic::{PASSING_S, Traffic};
+use crate::zone::SpeedZone;
 
 /// A measured velocity that takes longer to brake than this many periods is not believed to be safe.
 const MAX_BRAKE_STEPS: usize = 2000;
@@ -63,6 +64,21 @@ pub(crate) struct Free<'a> {
     pub traffic: &'a Traffic,
     pub footprint: &'a Footprint,
     pub margin_m: f64,
+    /// Where it may only be slow.
+    pub slow: &'a [SpeedZone],
+}
+
+/// Whether one may move like this at a place: faster than a zone allows only where no part of the body is in it.
+fn is_slow_enough(free: &Free, pose: &Pose, twist: &Twist) -> bool {
+    const ROUNDING_MPS: f64 = 1e-9;
+    let speed_mps = twist.vx.hypot(twist.vy);
+    let at = Point2::new(pose.x, pose.y);
+    free.slow.iter().all(|slow| {
+        let reach_m = free.footprint.circumscribed_radius_m + free.margin_m;
+        speed_mps <= slow.max_mps + ROUNDING_MPS
+            || slow.zone.is_farther(&at, reach_m)
+            || slow.zone.distance_m(&at) > reach_m
+    })
 }
 
 /// Whether a robot at rest from `from_s` on is left alone until it has stood for [`PASSING_S`].
@@ -79,13 +95,19 @@ fn passes(free: &Free, pose: &Pose, from_s: f64, period_s: f64) -> bool {
 /// Movers are tested at every period, and until [`PASSING_S`] after the robot has come to rest: who stands still from the first step on
 /// has nothing to prove, since there is nothing better to do.
 pub(crate) fn can_stop(free: &Free, ramp: &Ramp, period_s: f64, start: &Pose, first: &Twist) -> bool {
-    let Free { field, traffic, footprint, margin_m } = *free;
+    let Free { field, traffic, footprint, margin_m, .. } = *free;
     let (mut pose, mut twist) = (*start, *first);
     let stands = first.is_zero();
+    if !is_slow_enough(free, start, first) {
+        return false;
+    }
     let spacing = margin_m.clamp(0.01, 0.04);
     let mut since_test = 0.0;
     for step in 1..=MAX_BRAKE_STEPS {
         pose = advance(&pose, &twist, period_s);
+        if !is_slow_enough(free, &pose, &twist) {
+            return false;
+        }
         since_test += (twist.vx.hypot(twist.vy) + twist.w.abs() * footprint.circumscribed_radius_m) * period_s;
         twist = ramp.toward(&twist, &Twist::default(), period_s);
         let resting = twist.is_zero();

@@ -66,15 +66,19 @@ pub enum NoWay {
     /// A coordinate is not finite.
     #[error("start or goal is not a finite point")]
     NotFinite,
-    /// The start is in a wall.
-    #[error("the start is not in free space; the nearest free point is {nearest}")]
+    /// The start is in a wall, or in no part of the map.
+    #[error("the start is {by}; the nearest free point is {nearest}")]
     StartBlocked {
+        /// What it is in.
+        by: Obstruction,
         /// The nearest free point.
         nearest: Point2<f64>,
     },
-    /// The goal is in a wall.
-    #[error("the goal is not in free space; the nearest point that can be reached is {nearest}")]
+    /// The goal is in a wall, or in no part of the map.
+    #[error("the goal is {by}; the nearest point that can be reached is {nearest}")]
     GoalBlocked {
+        /// What it is in.
+        by: Obstruction,
         /// The nearest point in the part of the start.
         nearest: Point2<f64>,
     },
@@ -84,6 +88,24 @@ pub enum NoWay {
         /// The nearest point in the part of the start.
         nearest: Point2<f64>,
     },
+}
+
+/// What a point is in that is not in free space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Obstruction {
+    /// Beyond the outer ring: another building, or none.
+    Outside,
+    /// This hole, counted from 0: a wall, a piece of furniture.
+    Hole(usize),
+}
+
+impl std::fmt::Display for Obstruction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Obstruction::Outside => f.write_str("outside of the map"),
+            Obstruction::Hole(hole) => write!(f, "inside hole {hole} of the map"),
+        }
+    }
 }
 
 /// A shortest way.
@@ -99,6 +121,8 @@ pub struct PolygonRoute {
 #[derive(Debug, Clone)]
 pub struct PolygonMap {
     triangles: Triangles,
+    /// Points of the outer ring, then of each hole.
+    rings: Vec<std::ops::Range<u32>>,
     /// Per point its neighbours on its ring, before and after, and whether a way can bend round it.
     neighbours: Vec<[u32; 2]>,
     is_bend: Vec<bool>,
@@ -165,7 +189,7 @@ impl PolygonMap {
         };
         let is_bend = points.iter().zip(&neighbours).map(bends).collect();
         let triangles = Triangles::new(points, &rings)?;
-        let mut map = PolygonMap { triangles, neighbours, is_bend, tangents: Vec::new(), starts: Vec::new() };
+        let mut map = PolygonMap { triangles, rings, neighbours, is_bend, tangents: Vec::new(), starts: Vec::new() };
         map.connect();
         Ok(map)
     }
@@ -190,15 +214,32 @@ impl PolygonMap {
         }
         let map = &self.triangles;
         let nearest = |part| map.nearest(goal, Some(part)).unwrap_or(*goal);
-        let from = map
-            .holding(start)
-            .ok_or_else(|| NoWay::StartBlocked { nearest: map.nearest(start, None).unwrap_or(*start) })?;
+        let from = map.holding(start).ok_or_else(|| NoWay::StartBlocked {
+            by: self.what_holds(start),
+            nearest: map.nearest(start, None).unwrap_or(*start),
+        })?;
         let part = map.part_of[from as usize];
-        let to = map.holding(goal).ok_or_else(|| NoWay::GoalBlocked { nearest: nearest(part) })?;
+        let to = map
+            .holding(goal)
+            .ok_or_else(|| NoWay::GoalBlocked { by: self.what_holds(goal), nearest: nearest(part) })?;
         if map.part_of[to as usize] != part {
             return Err(NoWay::Unreachable { nearest: nearest(part) });
         }
         self.shortest(start, from, goal, to).ok_or_else(|| NoWay::Unreachable { nearest: nearest(part) })
+    }
+
+    /// What a point that is in no triangle is in.
+    fn what_holds(&self, p: &Point2<f64>) -> Obstruction {
+        let points = &self.triangles.points;
+        // A ray to the right crosses the ring an odd number of times.
+        let is_in = |ring: &std::ops::Range<u32>| {
+            let crosses = |k: &u32| {
+                let (a, b) = (&points[*k as usize], &points[self.neighbours[*k as usize][1] as usize]);
+                (a.y > p.y) != (b.y > p.y) && (turn(a, b, p) > 0.0) == (b.y > a.y)
+            };
+            ring.clone().filter(crosses).count() % 2 == 1
+        };
+        self.rings[1..].iter().position(is_in).map_or(Obstruction::Outside, Obstruction::Hole)
     }
 
     /// A* over tangents; `from` and `to` are triangles of one part that hold start and goal.

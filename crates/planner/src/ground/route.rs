@@ -15,7 +15,70 @@ const COMFORT_M: f64 = 0.35;
 /// ... but not further than this from where the shortest path has them.
 const MAX_SHIFT_M: f64 = 0.30;
 
+/// Why there is no way, and what can be reached instead.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Unreached {
+    /// A coordinate is not finite.
+    #[error("start and goal must be finite")]
+    NotFinite,
+    /// Nothing free within [`MAX_PULL_M`] of the start.
+    #[error("there is no room for the robot at the start or near it")]
+    StartBlocked,
+    /// The goal lies beyond the map.
+    #[error(
+        "the goal is outside of the map; the nearest place that can be reached is {off_m:.1} m from it, at {nearest}"
+    )]
+    GoalOutside {
+        /// The place nearest to the goal that can be reached.
+        nearest: Point2<f64>,
+        /// How far from the goal that is.
+        off_m: f64,
+    },
+    /// Something stands at the goal, and it has no room beside that.
+    #[error(
+        "there is no room for the robot at the goal; the nearest place that can be reached is {off_m:.1} m from it, at {nearest}"
+    )]
+    GoalBlocked {
+        /// The place nearest to the goal that can be reached.
+        nearest: Point2<f64>,
+        /// How far from the goal that is.
+        off_m: f64,
+    },
+    /// There is room at both ends, and nothing joins them.
+    #[error("no way leads to the goal; the nearest place that can be reached is {off_m:.1} m from it, at {nearest}")]
+    Apart {
+        /// The place nearest to the goal that can be reached.
+        nearest: Point2<f64>,
+        /// How far from the goal that is.
+        off_m: f64,
+    },
+}
+
 impl VisibilityGraph {
+    /// The same as [`VisibilityGraph::route`], with a reason and an offer where there is no way.
+    ///
+    /// # Errors
+    /// [`Unreached`].
+    pub fn find(&self, start: &Point2<f64>, goal: &Point2<f64>) -> Result<Route, Unreached> {
+        if let Some(route) = self.route(start, goal) {
+            return Ok(route);
+        }
+        if !start.iter().chain(goal.iter()).all(|x| x.is_finite()) {
+            return Err(Unreached::NotFinite);
+        }
+        let (nearest, off_m) = self.nearest_reachable(start, goal).ok_or(Unreached::StartBlocked)?;
+        let at = self.grid.to_cells(goal);
+        // The ring of blocked cells round the map is not the map.
+        let is_inside = |x: f64, cells: usize| x >= 1.0 && x < (cells - 1) as f64;
+        if !(is_inside(at.x, self.grid.width) && is_inside(at.y, self.grid.height)) {
+            return Err(Unreached::GoalOutside { nearest, off_m });
+        }
+        Err(match self.pull(goal, None) {
+            None => Unreached::GoalBlocked { nearest, off_m },
+            Some(_) => Unreached::Apart { nearest, off_m },
+        })
+    }
+
     /// The shortest route, its bends moved away from walls where there is room. `None` if there is none, if start or
     /// goal has no free point within [`MAX_PULL_M`], or if a coordinate is not finite.
     ///
@@ -286,4 +349,38 @@ struct Start {
     end: End,
     tree: Vec<(f64, u32)>,
     lattice: Option<Vec<f64>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::grid::GridView;
+
+    /// 6 x 4 m at 10 cm: a table of 1 m, and a closed room on the right.
+    #[test]
+    fn a_goal_that_cannot_be_says_why_and_what_can() {
+        let (width, height) = (60, 40);
+        let table = |x: usize, y: usize| (15..25).contains(&x) && (15..25).contains(&y);
+        let blocked: Vec<bool> = (0..width * height).map(|k| k % width == 40 || table(k % width, k / width)).collect();
+        let view = GridView { origin: Point2::new(-1.0, 0.0), resolution_m: 0.1, width, height, blocked: &blocked };
+        let graph = VisibilityGraph::build(&view, 0.3).unwrap();
+        let (start, far) = (Point2::new(-0.5, 2.0), Point2::new(9.0, 2.0));
+        let find = |x: f64, y: f64| graph.find(&start, &Point2::new(x, y)).unwrap_err();
+        // From the wall at x = 3 m the circle keeps 0.3 m.
+        let Unreached::GoalOutside { nearest, off_m } = find(far.x, far.y) else { panic!("{:?}", find(far.x, far.y)) };
+        assert!((2.4..=2.7).contains(&nearest.x) && (off_m - (far - nearest).norm()).abs() < 0.11, "{nearest} {off_m}");
+        assert!(matches!(find(4.0, 2.0), Unreached::Apart { .. }), "{:?}", find(4.0, 2.0));
+        assert!(matches!(graph.find(&Point2::new(0.9, 2.0), &start), Ok(_) | Err(Unreached::StartBlocked)));
+        assert_eq!(find(f64::NAN, 0.0), Unreached::NotFinite);
+        for offered in [find(far.x, far.y), find(4.0, 2.0)] {
+            let (Unreached::GoalOutside { nearest, .. } | Unreached::Apart { nearest, .. }) = offered else { continue };
+            assert!(graph.find(&start, &nearest).is_ok(), "{offered}");
+        }
+        // In the middle of a table that is wider than what a goal may be moved.
+        let wide: Vec<bool> = (0..width * height).map(|k| (k % width) > 20 && (8..32).contains(&(k / width))).collect();
+        let view = GridView { blocked: &wide, ..view };
+        let graph = VisibilityGraph::build(&view, 0.3).unwrap();
+        let error = graph.find(&start, &Point2::new(3.0, 2.0)).unwrap_err();
+        assert!(matches!(error, Unreached::GoalBlocked { off_m, .. } if off_m > 0.75), "{error}");
+    }
 }

@@ -1,0 +1,154 @@
+//! What a person says while a run goes on: from a script with times, or line by line as it is typed.
+
+use std::collections::VecDeque;
+use std::io::{BufRead, IsTerminal};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, TryRecvError};
+
+use anyhow::{Context, Result, bail};
+use mission::journal::Journal;
+use mission::mission::Mission;
+use mission::omni_perception::Stamp;
+use mission::steering::{Control, ScriptError, parse_script};
+use omni_sim::building::Building;
+
+use crate::task::Task;
+
+/// Longest script that is read.
+const LARGEST_BYTES: u64 = 1 << 20;
+/// Lines that wait to be heard; who types faster waits.
+const WAITING_LINES: usize = 16;
+
+/// Where orders come from.
+#[derive(Debug, Default)]
+pub struct Orders {
+    due: VecDeque<(f64, Control)>,
+    lines: Option<Receiver<String>>,
+}
+
+impl Orders {
+    /// Lines `SECONDS WORDS`, as [`mission::steering`] describes them.
+    ///
+    /// # Errors
+    /// [`ScriptError`] names the line.
+    pub fn script(text: &str) -> Result<Orders, ScriptError> {
+        Ok(Orders { due: parse_script(text)?.into(), lines: None })
+    }
+
+    /// Lines that come in while the run goes on, each obeyed at once.
+    pub fn lines(lines: Receiver<String>) -> Orders {
+        Orders { due: VecDeque::new(), lines: Some(lines) }
+    }
+
+    /// What the command line says: a file, `-` for standard input, or without it what is typed at a terminal in whose foreground the
+    /// program runs.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and its line.
+    pub fn open(commands: Option<&Path>, is_quiet: bool) -> Result<Orders> {
+        let Some(path) = commands else {
+            return Ok(if !is_quiet && is_typed_at() { Orders::lines(standard_input()) } else { Orders::default() });
+        };
+        if path == Path::new("-") {
+            return Ok(Orders::lines(standard_input()));
+        }
+        let place = || format!("reading the commands {}", path.display());
+        let size = std::fs::metadata(path).with_context(place)?.len();
+        if size > LARGEST_BYTES {
+            bail!("{} has {size} bytes; at most {LARGEST_BYTES} are read", path.display());
+        }
+        let text = std::fs::read_to_string(path).with_context(place)?;
+        Orders::script(&text).with_context(place)
+    }
+
+    /// What is to be said now, one at a time.
+    pub fn next(&mut self, now_s: f64) -> Option<Control> {
+        if self.due.front().is_some_and(|(t_s, _)| *t_s <= now_s) {
+            return self.due.pop_front().map(|(_, control)| control);
+        }
+        loop {
+            match self.lines.as_ref()?.try_recv() {
+                Ok(line) if line.trim().is_empty() => {}
+                Ok(line) => return Some(Control::from_line(&line)),
+                Err(TryRecvError::Empty) => return None,
+                Err(TryRecvError::Disconnected) => self.lines = None,
+            }
+        }
+    }
+}
+
+/// Says it to the robot. A sentence that the referee cannot judge the robot does not hear of. `Ok` holds the new task, if it is one.
+///
+/// # Errors
+/// A sentence for the person; what was going on goes on.
+pub fn say_to(
+    mission: &mut Mission,
+    control: &Control,
+    building: &Building,
+    now: Stamp,
+) -> Result<Option<Task>, String> {
+    let task = match control {
+        Control::Instruct(text) => match Task::read(text, building) {
+            Ok(task) => Some(task),
+            Err(error) => {
+                mission.write_down(control, now, Some(error.to_string()));
+                return Err(error.to_string());
+            }
+        },
+        Control::Pause | Control::Resume | Control::Cancel => None,
+    };
+    mission.control(control, now).map_err(|error| error.to_string())?;
+    Ok(task)
+}
+
+/// What was said in a run, as a script that says it again.
+pub fn script_of(journal: &Journal) -> String {
+    journal.controls.iter().map(|said| format!("{said}\n")).collect()
+}
+
+/// Whether somebody may be typing: at a terminal, and the program is in its foreground (one in the background would be stopped for reading).
+fn is_typed_at() -> bool {
+    let is_in_foreground = || {
+        // After the name in brackets: state, parent, process group, session, terminal, the terminal's foreground group.
+        let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        Some(fields.get(2)? == fields.get(5)?)
+    };
+    std::io::stdin().is_terminal() && std::io::stderr().is_terminal() && is_in_foreground().unwrap_or(false)
+}
+
+/// Lines of standard input, from a thread that ends with the program.
+fn standard_input() -> Receiver<String> {
+    let (sender, receiver) = std::sync::mpsc::sync_channel(WAITING_LINES);
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines() {
+            let Ok(line) = line else { return };
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    #[test]
+    fn orders_come_when_they_are_due_or_when_they_are_typed() {
+        let mut script = Orders::script("1 pause\n2.5 resume").unwrap();
+        assert_eq!(script.next(0.98), None);
+        assert_eq!((script.next(1.0), script.next(1.0)), (Some(Control::Pause), None));
+        assert_eq!(script.next(9.0), Some(Control::Resume));
+        let (sender, receiver) = channel();
+        let mut typed = Orders::lines(receiver);
+        assert_eq!(typed.next(0.0), None);
+        ["", "  ", "cancel", "find the mug"].iter().for_each(|line| sender.send((*line).to_owned()).unwrap());
+        assert_eq!(typed.next(0.1), Some(Control::Cancel));
+        drop(sender);
+        assert_eq!(typed.next(0.1), Some(Control::Instruct("find the mug".into())));
+        assert_eq!((typed.next(0.1), typed.next(0.1)), (None, None));
+    }
+}
