@@ -199,8 +199,8 @@ mod tests {
         assert_eq!(ReachMap::new(&grid(0), &start, 0.2, &[]).length_to(&goal, 1.3), None);
         // A gap of 0.4 m is too narrow to turn in; as a gate it counts.
         let gate = [Point2::new(1.3, 1.65), Point2::new(2.8, 1.65)];
-        assert_eq!(ReachMap::new(&grid(4), &start, 0.25, &[]).length_to(&goal, 1.3), None);
-        assert!(ReachMap::new(&grid(4), &start, 0.25, &[gate]).length_to(&goal, 1.3).is_some());
+        assert_eq!(ReachMap::new(&grid(4), &start, 0.45, &[]).length_to(&goal, 1.3), None);
+        assert!(ReachMap::new(&grid(4), &start, 0.45, &[gate]).length_to(&goal, 1.3).is_some());
         assert_eq!(ReachMap::default().length_to(&goal, 1.3), None);
     }
 }

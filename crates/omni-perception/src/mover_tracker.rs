@@ -119,8 +119,6 @@ const CELL_M: f64 = 0.15;
 const HISTORY_NS: i64 = 2_000_000_000;
 /// A view further from where a track is expected is not of it.
 const GATE_M: f64 = 0.5;
-/// Share of its velocity that a track keeps from scan to scan while it is not seen.
-const UNSEEN_KEEPS: f64 = 0.85;
 /// Nobody walks faster.
 const MAX_SPEED_MPS: f64 = 3.0;
 
@@ -189,7 +187,7 @@ impl MoverTracker {
         }
         for (t, body) in of_track.into_iter().enumerate() {
             // Who stands still may have become part of the map: it is followed by what is where it stood.
-            let body = body.or_else(|| self.own_points(&self.tracks[t], eye));
+            let body = body.or_else(|| self.own_points(&self.tracks[t]));
             if let Some(body) = body {
                 self.tracks[t].update(stamp, eye, &body, &self.config);
             }
@@ -197,33 +195,11 @@ impl MoverTracker {
         for (body, _) in bodies.iter().zip(&is_taken).filter(|(_, is_taken)| !**is_taken) {
             self.begin(stamp, eye, body);
         }
-        // Who is not seen for a moment has hardly gone on at full speed, or it would be seen: ahead of where it was, or not at all.
-        for track in self.tracks.iter_mut().filter(|track| track.seen != stamp) {
-            track.velocity_mps *= UNSEEN_KEEPS;
-        }
-        self.drop_doubles();
         let config = self.config;
         self.tracks.retain(|track| {
             let memory_s = if track.is_believed { config.memory_s } else { config.memory_s / 3.0 };
             stamp.seconds_since(track.seen) <= memory_s
         });
-    }
-
-    /// Two tracks at one place are one: the one with more views, with the other's name if it has none.
-    fn drop_doubles(&mut self) {
-        const SAME_M: f64 = 0.25;
-        let order = |track: &MoverTrack| (track.is_believed, track.seen, track.views, std::cmp::Reverse(track.id));
-        self.tracks.sort_by_key(|track| std::cmp::Reverse(order(track)));
-        let mut kept: Vec<MoverTrack> = Vec::with_capacity(self.tracks.len());
-        for track in self.tracks.drain(..) {
-            match kept.iter_mut().find(|other| (other.position - track.position).norm() < SAME_M) {
-                Some(other) if other.label.is_none() => (other.label, other.named) = (track.label, track.named),
-                Some(_) => {}
-                None => kept.push(track),
-            }
-        }
-        kept.sort_by_key(|track| track.id);
-        self.tracks = kept;
     }
 
     /// An image of the time `stamp` shows `label` over these points: a track that was there has a name from now on, and where there
@@ -349,31 +325,27 @@ impl MoverTracker {
                     }
                 }
             }
-            bodies.extend(self.body_of(&members, self.config.size_m[0]));
+            bodies.extend(self.body_of(&members));
         }
         bodies
     }
 
-    /// What is where a believed track is expected: of one with a name anything, of one so near that only a slice of it is in view
-    /// what is loose.
-    fn own_points(&self, track: &MoverTrack, eye: &Point3<f64>) -> Option<Body> {
+    /// What is where a believed track is expected, loose or not.
+    fn own_points(&self, track: &MoverTrack) -> Option<Body> {
         const NEAR_M: f64 = 0.3;
-        const CLOSE_M: f64 = 1.2;
-        const SLICE_M: f64 = 0.05;
         let is_named = track.named.is_some_and(|named| track.stamp.seconds_since(named) <= self.config.named_s);
-        let is_close = (track.position - eye.xy()).norm() <= CLOSE_M;
-        if !track.is_believed || !(is_named || is_close) {
+        if !(track.is_believed && is_named) {
             return None;
         }
         let is_near = |cell: &Cell| {
             let middle = cell.sum / cell.count as f64;
-            (is_named || cell.is_loose) && (Point2::from(middle.xy()) - track.position).norm() <= NEAR_M
+            (Point2::from(middle.xy()) - track.position).norm() <= NEAR_M
         };
         let members: Vec<usize> = (0..self.cells.len()).filter(|k| is_near(&self.cells[*k])).collect();
-        self.body_of(&members, if is_close { SLICE_M } else { self.config.size_m[0] })
+        self.body_of(&members)
     }
 
-    fn body_of(&self, members: &[usize], least_m: f64) -> Option<Body> {
+    fn body_of(&self, members: &[usize]) -> Option<Body> {
         let cells = || members.iter().map(|k| &self.cells[*k]);
         let count: usize = cells().map(|cell| cell.count).sum();
         let low_m = cells().map(|cell| cell.low_m).fold(f64::INFINITY, f64::min);
@@ -382,7 +354,7 @@ impl MoverTracker {
             let low = cells().map(axis).min().unwrap_or(0);
             f64::from(cells().map(axis).max().unwrap_or(0) - low) * CELL_M
         };
-        let most_m = self.config.size_m[1];
+        let [least_m, most_m] = self.config.size_m;
         let is_body = count >= self.config.min_points
             && high_m - low_m >= least_m
             && side(|cell| cell.key.0).max(side(|cell| cell.key.1)) <= most_m;

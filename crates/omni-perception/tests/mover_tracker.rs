@@ -78,24 +78,6 @@ fn a_room_in_which_nobody_moves_has_no_movers() {
 }
 
 #[test]
-fn who_comes_so_near_that_only_a_slice_is_in_view_is_not_lost() {
-    let mut watch = Watch::new();
-    // From 4 m off to 0.45 m from the eye and on, past it; rays reach 20 degrees up and down.
-    for k in 0..80 {
-        let at = Point2::new(4.0 - 0.1 * f64::from(k), 0.5);
-        watch.now = watch.now.plus_ns(PERIOD_NS);
-        let mut points = scan(&[at], watch.now.0 as u64 / 1000);
-        points.retain(|p| (f64::from(p.z) - EYE.z).abs() <= 0.36 * f64::from(p.x).hypot(f64::from(p.y)));
-        watch.tracker.observe(watch.now, &EYE, 0.0, &points, &distance_m);
-        if k > 20 {
-            let movers = watch.movers();
-            assert!(movers.len() == 1, "{} movers while somebody is at {at}", movers.len());
-            assert!(movers[0].seen == watch.now && (movers[0].position - at).norm() < 0.3, "{:?} for {at}", movers[0]);
-        }
-    }
-}
-
-#[test]
 fn who_stands_has_a_name_from_an_image_and_keeps_it_for_a_while() {
     let mut watch = Watch::new();
     let at = Point2::new(2.0, 1.0);
