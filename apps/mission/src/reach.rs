@@ -50,14 +50,9 @@ impl ReachMap {
             if length_m > map.length_m[cell] {
                 continue;
             }
-            let (ix, iy) = ((cell % grid.width) as i64, (cell / grid.width) as i64);
-            for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
-                let (x, y) = (ix + dx, iy + dy);
-                if x < 0 || y < 0 || x >= grid.width as i64 || y >= grid.height as i64 {
-                    continue;
-                }
-                let next = y as usize * grid.width + x as usize;
-                let step_m = grid.resolution_m as f32 * if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 };
+            for next in neighbours(cell, grid.width, grid.height) {
+                let is_diagonal = next % grid.width != cell % grid.width && next / grid.width != cell / grid.width;
+                let step_m = grid.resolution_m as f32 * if is_diagonal { std::f32::consts::SQRT_2 } else { 1.0 };
                 if length_m + step_m < map.length_m[next] && fits(next) {
                     map.length_m[next] = length_m + step_m;
                     queue.push(Visit { length_m: length_m + step_m, cell: next });
@@ -87,7 +82,8 @@ impl ReachMap {
     pub fn way_to(&self, point: &Point2<f64>, beside_m: f64) -> Vec<Point2<f64>> {
         let Some((mut cell, _)) = self.nearest_cell(point, beside_m) else { return Vec::new() };
         let mut way = vec![self.center_of(cell)];
-        while let Some(next) = self.neighbours(cell).min_by(|a, b| self.length_m[*a].total_cmp(&self.length_m[*b]))
+        while let Some(next) =
+            neighbours(cell, self.width, self.height).min_by(|a, b| self.length_m[*a].total_cmp(&self.length_m[*b]))
             && self.length_m[next] < self.length_m[cell]
         {
             cell = next;
@@ -95,16 +91,6 @@ impl ReachMap {
         }
         way.reverse();
         way
-    }
-
-    /// Cells round one.
-    fn neighbours(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
-        let (ix, iy) = ((cell % self.width) as i64, (cell / self.width) as i64);
-        let around = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
-        around.into_iter().map(move |(dx, dy)| (ix + dx, iy + dy)).filter_map(|(x, y)| {
-            let is_inside = x >= 0 && y >= 0 && x < self.width as i64 && y < self.height as i64;
-            is_inside.then(|| y as usize * self.width + x as usize)
-        })
     }
 
     fn center_of(&self, cell: usize) -> Point2<f64> {
@@ -136,6 +122,16 @@ impl ReachMap {
         }
         best
     }
+}
+
+/// The eight cells round one, those that there are.
+fn neighbours(cell: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let (ix, iy) = ((cell % width) as i64, (cell / width) as i64);
+    let around = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
+    around.into_iter().map(move |(dx, dy)| (ix + dx, iy + dy)).filter_map(move |(x, y)| {
+        let is_inside = x >= 0 && y >= 0 && x < width as i64 && y < height as i64;
+        is_inside.then(|| y as usize * width + x as usize)
+    })
 }
 
 /// Which cells lie on the segments.

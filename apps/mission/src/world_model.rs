@@ -5,17 +5,16 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 
-use dsg::{ObjectEvidence, SceneGraph};
+use dsg::SceneGraph;
 use nalgebra::{Isometry3, Point2, Point3};
 use omni_perception::{
-    DeskewConfig, EncoderTrack, Equirectangular, MaskedPanorama, ObservationConfig, OdometryEstimate, RawScan,
-    ReferenceTime, RotatingMount, Stamp, Trajectory, deskew, observe_objects,
+    DeskewConfig, EncoderTrack, Equirectangular, MaskedPanorama, OdometryEstimate, RawScan, ReferenceTime,
+    RotatingMount, Stamp, Trajectory, deskew,
 };
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
 use crate::blind_spot::BlindSpot;
-use crate::closed_air::POST_SPACING_M;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
 use crate::error::MissionError;
@@ -23,12 +22,15 @@ use crate::graph_builder::{GraphBuilder, is_visible};
 use crate::localisation::Looks;
 use crate::map_frame::MapFrame;
 use crate::navigation::NavigationMap;
-use crate::people::{People, moves_by_itself};
+use crate::people::People;
 use crate::rooms::RoomMap;
 use crate::stage_clock::StageClock;
 use crate::stream::SensorEvent;
 use crate::vision_verifier::VisionVerifier;
-use crate::zones::{ZoneFrame, Zones};
+use crate::zones::Zones;
+
+mod labelling;
+mod zones_in_map;
 
 /// Height of the room slice above the floor: over tables and most cupboards, under lintels (2.05 m).
 const ROOM_SLICE_M: (f64, f64) = (1.45, 1.90);
@@ -410,78 +412,6 @@ impl WorldModel {
         &self.gathered.1
     }
 
-    /// Labels the images around which all scans have come in.
-    fn label_waiting(&mut self, clock: &mut StageClock) {
-        while let Some(panorama) = self.waiting.front() {
-            let due = panorama.stamp.0 + (self.config.label_delay_s * 1e9) as i64;
-            if self.odometry.as_ref().is_none_or(|newest| newest.stamp.0 < due) {
-                return;
-            }
-            let panorama = self.waiting.pop_front().expect("it has a front");
-            let world_from_camera = self.label(&panorama, clock);
-            if let (Some(vision), Some(pose), Some(image)) = (&mut self.vision, world_from_camera, panorama.image) {
-                vision.look(panorama.stamp, image, self.camera, pose);
-            }
-        }
-    }
-
-    /// One image: which point belongs to which mask, which object to which masks. Returns where it was taken, if it was used.
-    fn label(&mut self, panorama: &MaskedPanorama, clock: &mut StageClock) -> Option<Isometry3<f64>> {
-        let Some(world_from_body) = self.trajectory.world_from_body(panorama.stamp) else {
-            self.ignored.images += 1;
-            return None;
-        };
-        let world_from_camera = world_from_body * self.body_from_camera;
-        let window_ns = (self.config.label_window_s * 1e9) as i64;
-        let around = |scan: &&RecentScan| (scan.stamp.0 - panorama.stamp.0).abs() <= window_ns;
-        // A second of scans shows what stands still better than one; who walks was elsewhere in most of them, before other things.
-        const INSTANT_NS: i64 = 110_000_000;
-        let mut points = Vec::new();
-        for scan in self.recent.iter().filter(around) {
-            let is_now = (scan.stamp.0 - panorama.stamp.0).abs() <= INSTANT_NS;
-            match is_now || self.people.is_empty() {
-                true => points.extend_from_slice(&scan.points_in_world),
-                false => points.extend(self.people.without(&scan.points_in_world, scan.stamp)),
-            }
-        }
-        if points.is_empty() {
-            self.ignored.images += 1;
-            return None;
-        }
-        let observations = clock.time("labels", || {
-            observe_objects(panorama, &points, &world_from_camera, &self.camera, &ObservationConfig::default())
-        });
-        let mut votes = Vec::new();
-        let mut evidence = Vec::with_capacity(observations.len());
-        for observation in observations {
-            let Some((label, _)) = observation.label_weights.first() else { continue };
-            if moves_by_itself(label) {
-                self.people.name(&observation);
-                continue;
-            }
-            let next = self.label_ids.len() as u16 + 1;
-            let id = *self.label_ids.entry(label.clone()).or_insert(next);
-            votes.extend(observation.points_in_world.iter().map(|point| (*point, id)));
-            evidence.push(ObjectEvidence {
-                stamp_ns: observation.stamp.0,
-                label_weights: observation.label_weights,
-                caption: observation.caption,
-                // A look from afar votes less than one from nearby (Eq. 4, departure in omni-perception's `vote`).
-                score: observation.weight as f32,
-                points: observation.points_in_world,
-                color: observation.color_rgb,
-                track: observation.track,
-            });
-        }
-        clock.time("votes", || self.volume.vote_labels(&votes));
-        let eye = world_from_camera * Point3::origin();
-        clock
-            .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
-        self.ignored.changes += self.builder.take_refusals();
-        self.coverage.look(&eye.xy(), &self.slice);
-        Some(world_from_camera)
-    }
-
     /// Twice a second: surface, distances, places, rooms, relations, ways.
     pub fn refresh(&mut self, now_s: f64, clock: &mut StageClock) {
         let Some(odometry) = self.odometry else { return };
@@ -532,39 +462,6 @@ impl WorldModel {
                 vision.ask(&self.graph, odometry.stamp, &|eye, bounds| is_visible(eye, bounds, volume));
             });
         }
-    }
-
-    /// Puts the zones where they belong in the map, once that has its frame. Zones of a known map wait until the robot knows where in it
-    /// it is.
-    fn place_zones(&mut self) {
-        // On the ground closer than any robot is wide.
-        let spacing_m = match self.robot.kind {
-            RobotKind::Ground => 0.03,
-            RobotKind::Aerial => POST_SPACING_M,
-        };
-        let Frame::Set(frame) = self.frame else { return };
-        let is_waiting = self.config.zones.frame == ZoneFrame::Map && self.looks.is_some();
-        if self.zones_placed == Some(frame) || is_waiting {
-            return;
-        }
-        self.zones = match self.config.zones.frame {
-            ZoneFrame::Start => self.config.zones.moved(&frame.map_from_odometry),
-            ZoneFrame::Map => self.config.zones.clone(),
-        };
-        self.zone_posts = self.zones.posts(spacing_m);
-        self.navigation.heed(&self.zones);
-        self.gathered.0 = None;
-        self.zones_placed = Some(frame);
-    }
-
-    /// The zones, once they lie in the map.
-    pub fn placed_zones(&self) -> Option<&Zones> {
-        self.zones_placed.map(|_| &self.zones)
-    }
-
-    /// Posts round the zones to keep out of, in the map.
-    pub fn zone_posts(&self) -> &[Point2<f64>] {
-        &self.zone_posts
     }
 
     /// Offers the frontiers again that were left alone for a while.

@@ -75,6 +75,11 @@ impl SpeedZone {
         Ok(SpeedZone { zone, max_mps })
     }
 
+    /// Whether any part of a robot of this radius at `point` is in the zone.
+    pub fn holds(&self, point: &Point2<f64>, radius_m: f64) -> bool {
+        !self.zone.is_farther(point, radius_m) && self.zone.distance_m(point) <= radius_m
+    }
+
     /// The largest speed at `point` from which a robot of this radius, braking with `brake_mps2`, enters the zone within its limit;
     /// infinite where that is beyond `unlimited_mps`.
     pub fn speed_at(&self, point: &Point2<f64>, radius_m: f64, brake_mps2: f64, unlimited_mps: f64) -> f64 {

@@ -7,6 +7,7 @@ use nalgebra::Point2;
 use planner::{Route, VisibilityGraph};
 use proptest::prelude::*;
 use support::Picture;
+use support::clutter::{clutter, place};
 
 /// Room to turn, and room to pass straight.
 const TURN_M: f64 = 0.33;
@@ -96,26 +97,11 @@ fn two_narrow_doors_one_after_the_other() {
     check(&picture, &graph.route(&Point2::new(1.0, 3.0), &Point2::new(5.0, 1.0)).unwrap());
 }
 
-/// Scattered rectangles in a 5 m square.
-fn clutter() -> impl Strategy<Value = Picture> {
-    proptest::collection::vec((0.0..4.8f64, 0.0..4.8f64, 0.02..1.8f64, 0.02..1.8f64), 2..12).prop_map(|boxes| {
-        let mut picture = Picture::free(5.0, 5.0, 0.05);
-        for (x, y, w, h) in boxes {
-            picture.block(x, y, x + w, y + h);
-        }
-        picture
-    })
-}
-
-fn place() -> impl Strategy<Value = Point2<f64>> {
-    (0.0..5.0f64, 0.0..5.0f64).prop_map(|(x, y)| Point2::new(x, y))
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn gates_open_ways_and_close_none(picture in clutter(), start in place(), goal in place()) {
+    fn gates_open_ways_and_close_none(picture in clutter(2..12, 1.8), start in place(), goal in place()) {
         let wide = VisibilityGraph::build(&picture.view(), TURN_M).unwrap();
         let graph = wide.clone().with_gates(PASS_M);
         for [a, b] in graph.gates() {

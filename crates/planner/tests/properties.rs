@@ -3,6 +3,7 @@ mod support;
 
 #[cfg(feature = "ground")]
 mod routes {
+    use super::support::clutter::{clutter, place};
     use super::support::{Picture, flat};
     use nalgebra::Point2;
     use planner::VisibilityGraph;
@@ -21,26 +22,11 @@ mod routes {
         }
     }
 
-    /// Scattered rectangles in a 5 m square.
-    fn clutter() -> impl Strategy<Value = Picture> {
-        proptest::collection::vec((0.0..4.8f64, 0.0..4.8f64, 0.02..1.2f64, 0.02..1.2f64), 0..9).prop_map(|boxes| {
-            let mut picture = Picture::free(5.0, 5.0, 0.05);
-            for (x, y, w, h) in boxes {
-                picture.block(x, y, x + w, y + h);
-            }
-            picture
-        })
-    }
-
-    fn place() -> impl Strategy<Value = Point2<f64>> {
-        (0.0..5.0f64, 0.0..5.0f64).prop_map(|(x, y)| Point2::new(x, y))
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn every_leg_keeps_the_clearance(picture in clutter(), start in place(), goal in place(), r in 0.12..0.5f64) {
+        fn every_leg_keeps_the_clearance(picture in clutter(0..9, 1.2), start in place(), goal in place(), r in 0.12..0.5f64) {
             let graph = VisibilityGraph::build(&picture.view(), r).unwrap();
             if let Some(route) = graph.route(&start, &goal) {
                 check_clearance(&picture, &route.points, r);
@@ -52,7 +38,7 @@ mod routes {
         }
 
         #[test]
-        fn lengths_agree_with_routes_and_with_each_other(picture in clutter(), start in place(), goals in proptest::collection::vec(place(), 1..6)) {
+        fn lengths_agree_with_routes_and_with_each_other(picture in clutter(0..9, 1.2), start in place(), goals in proptest::collection::vec(place(), 1..6)) {
             let graph = VisibilityGraph::build(&picture.view(), 0.3).unwrap();
             let lengths = graph.lengths_from(&start, &goals);
             for (goal, length) in goals.iter().zip(&lengths) {
@@ -66,7 +52,7 @@ mod routes {
         }
 
         #[test]
-        fn nearest_reachable_is_reachable(picture in clutter(), start in place(), goal in place()) {
+        fn nearest_reachable_is_reachable(picture in clutter(0..9, 1.2), start in place(), goal in place()) {
             let graph = VisibilityGraph::build(&picture.view(), 0.3).unwrap();
             if let Some((point, distance_m)) = graph.nearest_reachable(&start, &goal) {
                 prop_assert!(((point - goal).norm() - distance_m).abs() < 1e-9);
@@ -108,10 +94,11 @@ mod routes {
 
 #[cfg(feature = "ground")]
 mod local {
+    use super::support::base::step;
     use super::support::{Picture, SplitMix, flat};
     use nalgebra::Point2;
     use planner::ground::footprint::Footprint;
-    use planner::{LocalCommand, LocalPolicy, LocalPolicyConfig, LocalStatus, VisibilityGraph};
+    use planner::{LocalPolicy, LocalPolicyConfig, LocalStatus, VisibilityGraph};
     use proptest::prelude::*;
 
     /// Points of the outlines of the blocked squares, every quarter of a cell.
@@ -139,19 +126,6 @@ mod local {
             }
         }
         points
-    }
-
-    /// Moves an ideal base; returns the pose.
-    fn step(pose: (f64, f64, f64), command: &LocalCommand, dt: f64) -> (f64, f64, f64) {
-        let (mut x, mut y, mut yaw) = pose;
-        for _ in 0..8 {
-            let h = dt / 8.0;
-            let (sin, cos) = (yaw + 0.5 * command.yaw_rate * h).sin_cos();
-            x += (cos * command.vx - sin * command.vy) * h;
-            y += (sin * command.vx + cos * command.vy) * h;
-            yaw += command.yaw_rate * h;
-        }
-        (x, y, yaw)
     }
 
     fn least_distance(footprint: &Footprint, pose: (f64, f64, f64), points: &[Point2<f32>]) -> f64 {

@@ -1,21 +1,16 @@
 //! Laws of the local policy among people, and of stopping in time.
 #![cfg(feature = "ground")]
 
+mod support;
+
 use nalgebra::{Point2, Vector2};
-use planner::{GroundMover, LocalCommand, LocalPolicy, LocalPolicyConfig, LocalStatus};
+use planner::{GroundMover, LocalPolicy, LocalPolicyConfig, LocalStatus};
 use proptest::prelude::*;
+use support::base::{Pose, step};
 
 const PERIOD_S: f64 = 0.02;
 /// Half the sides of the default footprint.
 const HALF_M: (f64, f64) = (0.35, 0.165);
-
-type Pose = (f64, f64, f64);
-
-fn step(pose: Pose, c: &LocalCommand) -> Pose {
-    let (sin, cos) = (pose.2 + 0.5 * c.yaw_rate * PERIOD_S).sin_cos();
-    let (dx, dy) = (cos * c.vx - sin * c.vy, sin * c.vx + cos * c.vy);
-    (pose.0 + dx * PERIOD_S, pose.1 + dy * PERIOD_S, pose.2 + c.yaw_rate * PERIOD_S)
-}
 
 /// Distance of a point from the rectangle of the robot, by the rectangle's own formula.
 fn distance_m(pose: Pose, at: &Point2<f64>) -> f64 {
@@ -55,7 +50,7 @@ proptest! {
             let path = [Point2::new(pose.0, pose.1), Point2::new(gx, gy)];
             for _ in 0..200 {
                 let c = policy.command(pose, velocity, &path, None, &[], &people);
-                pose = step(pose, &c);
+                pose = step(pose, &c, PERIOD_S);
                 velocity = (c.vx, c.vy, c.yaw_rate);
                 people.iter_mut().for_each(|person| person.position += person.velocity_mps * PERIOD_S);
                 still_s = if velocity == (0.0, 0.0, 0.0) { still_s + PERIOD_S } else { 0.0 };
@@ -77,7 +72,7 @@ proptest! {
         let (mut pose, mut velocity, mut still_s) = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0);
         for _ in 0..1500 {
             let c = policy.command(pose, velocity, &path, None, &[], &[person]);
-            pose = step(pose, &c);
+            pose = step(pose, &c, PERIOD_S);
             velocity = (c.vx, c.vy, c.yaw_rate);
             person.position += person.velocity_mps * PERIOD_S;
             still_s = if velocity == (0.0, 0.0, 0.0) { still_s + PERIOD_S } else { 0.0 };
@@ -100,7 +95,7 @@ fn one_may_leave_somebody_who_stands() {
     let (mut pose, mut velocity) = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0));
     for _ in 0..600 {
         let c = policy.command(pose, velocity, &path, None, &[], &[beside, nobody]);
-        pose = step(pose, &c);
+        pose = step(pose, &c, PERIOD_S);
         velocity = (c.vx, c.vy, c.yaw_rate);
         assert!(distance_m(pose, &beside.position) >= beside.radius_m);
     }
@@ -136,7 +131,7 @@ proptest! {
         // It learns of the wall while it is that fast.
         for _ in 0..((along / accel / PERIOD_S) as usize + 3) {
             let c = policy.command(pose, velocity, &path, None, &wall, &[]);
-            pose = step(pose, &c);
+            pose = step(pose, &c, PERIOD_S);
             velocity = (c.vx, c.vy, c.yaw_rate);
             for point in &wall {
                 prop_assert!(distance_m(pose, &point.cast()) > 0.0, "touched at {pose:?} with {velocity:?}");

@@ -1,23 +1,18 @@
 //! Laws of zones on the ground: whatever it is told, the robot enters none that it must keep out of, and is slow where it has to be.
 #![cfg(feature = "ground")]
 
+mod support;
+
 use nalgebra::{Isometry2, Point2, Vector2};
-use planner::{LocalCommand, LocalPolicy, LocalPolicyConfig, SpeedZone, Zone};
+use planner::{LocalPolicy, LocalPolicyConfig, SpeedZone, Zone};
 use proptest::prelude::*;
+use support::base::{Pose, step};
 
 const PERIOD_S: f64 = 0.02;
 /// Half the sides of the default footprint.
 const HALF_M: (f64, f64) = (0.35, 0.165);
 /// Where the posts of a fence stand off the zone, and how far apart they are.
 const FENCE_M: (f64, f64) = (0.05, 0.03);
-
-type Pose = (f64, f64, f64);
-
-fn step(pose: Pose, c: &LocalCommand) -> Pose {
-    let (sin, cos) = (pose.2 + 0.5 * c.yaw_rate * PERIOD_S).sin_cos();
-    let (dx, dy) = (cos * c.vx - sin * c.vy, sin * c.vx + cos * c.vy);
-    (pose.0 + dx * PERIOD_S, pose.1 + dy * PERIOD_S, pose.2 + c.yaw_rate * PERIOD_S)
-}
 
 fn outline(pose: Pose) -> Vec<Point2<f64>> {
     let world_from_body = Isometry2::new(Vector2::new(pose.0, pose.1), pose.2);
@@ -58,7 +53,7 @@ proptest! {
             let path = [Point2::new(pose.0, pose.1), Point2::new(gx, gy)];
             for _ in 0..250 {
                 let c = policy.command(pose, velocity, &path, None, &fence, &[]);
-                pose = step(pose, &c);
+                pose = step(pose, &c, PERIOD_S);
                 velocity = (c.vx, c.vy, c.yaw_rate);
                 prop_assert!(!zone.overlaps(&outline(pose)), "entered at {pose:?}");
             }
@@ -83,7 +78,7 @@ proptest! {
             for _ in 0..300 {
                 let before = Point2::new(pose.0, pose.1);
                 let c = policy.command(pose, velocity, &path, None, &[], &[]);
-                pose = step(pose, &c);
+                pose = step(pose, &c, PERIOD_S);
                 velocity = (c.vx, c.vy, c.yaw_rate);
                 let after = Point2::new(pose.0, pose.1);
                 let near_m = slow.zone.distance_m(&before).min(slow.zone.distance_m(&after));
@@ -104,7 +99,7 @@ fn a_speed_zone_is_crossed_at_its_speed() {
     let (mut pose, mut velocity, mut steps) = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), [0, 0, 0]);
     while pose.0 < 6.8 {
         let c = policy.command(pose, velocity, &path, None, &[], &[]);
-        pose = step(pose, &c);
+        pose = step(pose, &c, PERIOD_S);
         velocity = (c.vx, c.vy, c.yaw_rate);
         steps[usize::from(pose.0 > 1.6) + usize::from(pose.0 > 4.4)] += 1;
         assert!(steps.iter().sum::<i32>() < 2000, "it stands at {pose:?}");

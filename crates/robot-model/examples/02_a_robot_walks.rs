@@ -235,9 +235,11 @@ fn picture(robot: &RobotModel, moments: &[Moment]) -> Result<String, std::fmt::E
     )?;
 
     // Angles of the first leg.
-    writeln!(svg, "{}", title(790.0, &format!("Angles of {} (rad): hip, thigh, calf", robot.legs[0].name)))?;
+    writeln!(svg, "{}", title(790.0, &format!("Angles of {} (rad)", robot.legs[0].name)))?;
     let y_of = |angle: f64| 860.0 - 26.0 * (angle + 0.4);
-    for (slot, stroke) in robot.legs[0].slots.iter().zip(["#2a8a4a", "#1f6feb", "#8a2a6a"]) {
+    let curves = [("hip", "#2a8a4a"), ("thigh", "#1f6feb"), ("calf", "#8a2a6a")];
+    for (k, (slot, (joint, stroke))) in robot.legs[0].slots.iter().zip(curves).enumerate() {
+        writeln!(svg, "<text x=\"{}\" y=\"790\" fill=\"{stroke}\">{joint}</text>", 220 + 60 * k)?;
         let points: Vec<String> =
             moments.iter().map(|m| format!("{:.1},{:.1}", x_of(m.t_s), y_of(m.angles[*slot]))).collect();
         writeln!(

@@ -116,10 +116,14 @@ impl Fly {
             let plan = plan_air(start, goal, air, &AirConfig { limits, ..self.config.clone() })?;
             Ok::<AirPlan, AirPlanError>(AirPlan { left_m: plan.left_m + stage.left_m, ..plan })
         };
-        let mut plan = within(stage.max_mps)?;
-        for _ in &self.slow {
-            let Some(slower_mps) = exceeded(&plan.trajectory, &self.slow, self.zone_reach_m()) else { break };
-            plan = within(slower_mps)?;
+        let mut max_mps = stage.max_mps;
+        let mut plan = within(max_mps)?;
+        // Each time the limit is that of another, slower zone.
+        while let Some(slower_mps) = exceeded(&plan.trajectory, &self.slow, self.zone_reach_m(), max_mps)
+            && slower_mps < max_mps
+        {
+            max_mps = slower_mps;
+            plan = within(max_mps)?;
         }
         Ok(plan)
     }

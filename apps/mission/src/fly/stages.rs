@@ -10,8 +10,7 @@ use planner::{PolynomialTrajectory, SpeedZone};
 const STEP_M: f64 = 0.05;
 /// A stage before a zone is at least this long; a shorter one is flown as slowly as the zone demands.
 const SHORTEST_M: f64 = 1.0;
-/// A flight is looked at so often: between two looks it moves by less than [`SLACK_M`] at any speed flown indoors.
-const LOOK_S: f64 = 0.01;
+/// Between two looks at a flight it moves by no more than this.
 const SLACK_M: f64 = 0.02;
 
 /// The first part of a way under one limit.
@@ -27,7 +26,7 @@ pub(super) struct Stage {
 
 /// The largest speed with the body's ball of `reach_m` at a place.
 pub(super) fn limit_at(zones: &[SpeedZone], at: &Point2<f64>, reach_m: f64, free_mps: f64) -> f64 {
-    let holding = zones.iter().filter(|slow| !slow.zone.is_farther(at, reach_m) && slow.zone.distance_m(at) <= reach_m);
+    let holding = zones.iter().filter(|slow| slow.holds(at, reach_m));
     holding.map(|slow| slow.max_mps).fold(free_mps, f64::min)
 }
 
@@ -56,16 +55,16 @@ pub(super) fn first_stage(route: &[Point2<f64>], zones: &[SpeedZone], reach_m: f
     Stage { end: places[places.len() - 1].1, max_mps, left_m: 0.0 }
 }
 
-/// The least limit that a flight would exceed, with the body's ball of `reach_m`; `None` if it exceeds none.
-pub(super) fn exceeded(flight: &PolynomialTrajectory, zones: &[SpeedZone], reach_m: f64) -> Option<f64> {
+/// The least limit that a flight of at most `max_mps` would exceed, with the body's ball of `reach_m`; `None` if it exceeds none.
+pub(super) fn exceeded(flight: &PolynomialTrajectory, zones: &[SpeedZone], reach_m: f64, max_mps: f64) -> Option<f64> {
     const ROUNDING_MPS: f64 = 1e-6;
     if zones.is_empty() {
         return None;
     }
     let duration_s = flight.duration();
-    let looks = (duration_s / LOOK_S).ceil().max(0.0) as usize;
+    let looks = (duration_s * max_mps / SLACK_M).ceil().max(1.0) as usize;
     let broken = (0..=looks).filter_map(|look| {
-        let sample = flight.sample((look as f64 * LOOK_S).min(duration_s));
+        let sample = flight.sample(duration_s * look as f64 / looks as f64);
         let limit = limit_at(zones, &sample.p.xy(), reach_m + SLACK_M, f64::INFINITY);
         (sample.v.norm() > limit + ROUNDING_MPS).then_some(limit)
     });

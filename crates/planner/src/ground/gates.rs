@@ -151,7 +151,7 @@ impl VisibilityGraph {
                 break;
             }
             let k = (p.y + 0.5).floor() as usize * self.lattice.nx + (p.x + 0.5).floor() as usize;
-            if room > 0.0 && self.lattice.component(k) != 0 && end.is_none_or(|(_, most, _)| room > most) {
+            if self.lattice.component(k) != 0 && end.is_none_or(|(_, most, _)| room > most) {
                 end = Some((end.map_or(s, |(first, _, _)| first), room, k));
             }
             s += 0.5;

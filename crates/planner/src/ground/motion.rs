@@ -73,12 +73,8 @@ fn is_slow_enough(free: &Free, pose: &Pose, twist: &Twist) -> bool {
     const ROUNDING_MPS: f64 = 1e-9;
     let speed_mps = twist.vx.hypot(twist.vy);
     let at = Point2::new(pose.x, pose.y);
-    free.slow.iter().all(|slow| {
-        let reach_m = free.footprint.circumscribed_radius_m + free.margin_m;
-        speed_mps <= slow.max_mps + ROUNDING_MPS
-            || slow.zone.is_farther(&at, reach_m)
-            || slow.zone.distance_m(&at) > reach_m
-    })
+    let reach_m = free.footprint.circumscribed_radius_m + free.margin_m;
+    free.slow.iter().all(|slow| speed_mps <= slow.max_mps + ROUNDING_MPS || !slow.holds(&at, reach_m))
 }
 
 /// Whether a robot at rest from `from_s` on is left alone until it has stood for [`PASSING_S`].

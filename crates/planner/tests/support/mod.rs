@@ -5,7 +5,11 @@
 pub mod corridors;
 
 #[cfg(feature = "ground")]
+pub mod base;
+#[cfg(feature = "ground")]
 pub mod building;
+#[cfg(feature = "ground")]
+pub mod clutter;
 #[cfg(feature = "ground")]
 pub mod drive;
 #[cfg(feature = "ground")]
