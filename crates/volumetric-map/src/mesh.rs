@@ -69,7 +69,8 @@ pub struct MeshPatch {
 
 impl Volume {
     /// Brings the mesh up to date; looks only at blocks whose surface changed since the last call by more than a fifth of a voxel
-    /// (or whose labels did), and at the neighbours that share a changed voxel with them. So a vertex may lag by a centimetre;
+    /// (or whose labels did), and at the neighbours that share a changed voxel with them. So a vertex may lag by a centimetre, and
+    /// one between an old surface and a block that was seen to be free only since may be missing;
     /// [`complete_mesh`](Self::complete_mesh) leaves nothing out.
     pub fn update_mesh(&mut self) -> MeshDelta {
         let units_per_voxel = self.config.voxel_m * f64::from(self.thresholds.units_per_m);
@@ -201,11 +202,18 @@ impl Volume {
     fn stale_blocks(&mut self, tolerance: &Tolerance, since: u32) -> Vec<BlockKey> {
         let cache = &mut self.mesh_cache;
         let mut stale = Vec::new();
+        let leaves_nothing_out = tolerance.moved == 0;
         let changed = self.recent.iter().map(|id| &self.blocks[id as usize]);
         for block in changed.take_while(|block| block.newest_revision() > since) {
             let shape = match cache.shape.entry(block.key.packed()) {
                 Entry::Occupied(entry) => entry.into_mut(),
-                Entry::Vacant(_) if block.near_surface == [0; 8] => continue,
+                Entry::Vacant(_) if block.near_surface == [0; 8] => {
+                    // It has no shape that could have moved, but its first voxels may be the outer corners of cells on the surface.
+                    if leaves_nothing_out {
+                        stale.extend((0..8).map(|k| block.key.offset(-(k & 1), -(k >> 1 & 1), -(k >> 2))));
+                    }
+                    continue;
+                }
                 Entry::Vacant(entry) => entry.insert(Box::new(Shape::NONE)),
             };
             let moved = shape.moved(block, tolerance);
