@@ -282,6 +282,26 @@ fn carried_elsewhere_it_begins_anew() {
     assert!((last.world_from_body.translation.vector - before.translation.vector).norm() < 6.0);
 }
 
+/// Walls at the ends are met face on: there the noise of ranges shows in full, and a wall is no less a plane for it.
+#[test]
+fn the_walls_at_a_corridors_ends_hold_the_pose() {
+    let ends = [-3.0, 9.0].map(|x: f64| support::Block {
+        thing: 0,
+        min: [x - 0.1, -1.3, 0.0].into(),
+        max: [x + 0.1, 1.3, 2.6].into(),
+    });
+    let mut scene = corridor();
+    scene.blocks.extend(ends);
+    // A cheap IMU: alone it would not do for six seconds.
+    let drive = Drive { scene, to_s: 6.0, imu_noise: (2e-3, 5e-2), ..Drive::new(stride) };
+    let run = drive.run(&mut odometry(LioConfig::default()));
+    let tracked = run.iter().filter(|(report, _)| report.is_update_valid).count();
+    let degenerate = count(&run, TrackingStatus::Degenerate);
+    assert!(tracked > 40 && degenerate * 10 < tracked, "{degenerate} of {tracked}");
+    let (position_m, rotation_deg) = worst(&drive.errors(&estimates(&run)));
+    assert!(position_m < 0.02 && rotation_deg < 0.3, "{position_m} m, {rotation_deg} deg");
+}
+
 /// Floor, ceiling and four walls, seen from within.
 fn empty_room(low: [f64; 3], high: [f64; 3]) -> support::Scene {
     let side = |axis: usize, at: f64, thick: f64| {

@@ -26,12 +26,15 @@ const EVICTED_SHARE: f64 = 1.0 / 8.0;
 /// A cell whose plane was contradicted by so many scans running is emptied: the thing there is gone.
 const MAX_CONFLICTS: u32 = 5;
 
-/// A plane may be thicker than the median by this factor.
+/// A plane may be thicker than the noise of ranges by this factor.
 const THICKNESS_SIGMAS: f64 = 1.4;
 /// Below this every set of points is thin enough.
 const MIN_THICKNESS_M: f64 = 0.01;
 /// Planes that give a median, and the weight of one scan's median beside those before.
 const MIN_PLANES: usize = 50;
+/// The noise of ranges is measured on planes that are met this steeply (cosine of incidence): a plane seen along hides it. If all planes
+/// had a say, the wall at a corridor's end would be thicker than usual and be none.
+const STEEP_COSINE: f64 = 0.5;
 const NOISE_GAIN: f64 = 0.1;
 
 /// Index of a voxel.
@@ -109,7 +112,7 @@ pub struct VoxelMap {
     max_cells: usize,
     points_per_cell: f32,
     max_plane_thickness_m: f64,
-    /// Standard deviation of points about their planes: the median of all planes so far.
+    /// Standard deviation of ranges: the median of the steeply seen planes so far.
     noise_m: Option<f64>,
     cells: Vec<Cell>,
     index: FxHashMap<VoxelKey, u32>,
@@ -152,11 +155,11 @@ impl VoxelMap {
         self.cells.is_empty()
     }
 
-    /// Largest standard deviation of points about a plane: half as much again as is usual in this map. Thicker ones are
+    /// Largest standard deviation of points about a plane: half as much again as the noise of ranges. Thicker ones are
     /// corners, clutter, or the two sides of a thin board, and would bend the map.
     pub fn plane_thickness_m(&self) -> f64 {
-        let usual_m = self.noise_m.map_or(self.max_plane_thickness_m, |noise_m| THICKNESS_SIGMAS * noise_m);
-        usual_m.clamp(MIN_THICKNESS_M, self.max_plane_thickness_m)
+        let largest_m = self.noise_m.map_or(self.max_plane_thickness_m, |noise_m| THICKNESS_SIGMAS * noise_m);
+        largest_m.clamp(MIN_THICKNESS_M, self.max_plane_thickness_m)
     }
 
     /// The cells, in the order of their first points.
@@ -227,8 +230,8 @@ impl VoxelMap {
                 changed.push(number);
             }
         }
-        let thicknesses = self.fit_all(&changed);
-        if self.learn_noise(thicknesses) {
+        let variances = self.fit_all(&changed);
+        if self.learn_noise(variances) {
             // The first planes were accepted before the noise was known.
             self.fit_all(&changed);
         }
@@ -261,12 +264,12 @@ impl VoxelMap {
     }
 
     /// Takes over the median; true the first time.
-    fn learn_noise(&mut self, mut thicknesses_m2: Vec<f64>) -> bool {
-        if thicknesses_m2.len() < MIN_PLANES {
+    fn learn_noise(&mut self, mut variances_m2: Vec<f64>) -> bool {
+        if variances_m2.len() < MIN_PLANES {
             return false;
         }
-        let middle = thicknesses_m2.len() / 2;
-        let (_, &mut median_m2, _) = thicknesses_m2.select_nth_unstable_by(middle, f64::total_cmp);
+        let middle = variances_m2.len() / 2;
+        let (_, &mut median_m2, _) = variances_m2.select_nth_unstable_by(middle, f64::total_cmp);
         let is_first = self.noise_m.is_none();
         let before = self.noise_m.unwrap_or(median_m2.sqrt());
         self.noise_m = Some(before + NOISE_GAIN * (median_m2.sqrt() - before));
@@ -275,7 +278,7 @@ impl VoxelMap {
 
     /// The plane of a cell: through it and all its neighbours, or, near an edge, through those neighbours that lie in
     /// the plane of the cell itself.
-    /// Returns the variance about it.
+    /// Returns the variance of ranges that it shows, if it is seen steeply.
     fn fit(&mut self, number: u32) -> Option<f64> {
         let cell = self.cells[number as usize];
         let test = PlaneTest {
@@ -295,15 +298,22 @@ impl VoxelMap {
             neighbours.iter().filter(|moments| keep(moments)).for_each(|moments| all.merge(moments));
             all
         };
-        let plane = test.fit(&merge(&|_| true)).or_else(|| {
-            let alone = test.fit(&own)?;
-            let thickness_m = self.plane_thickness_m();
+        let cosine = |plane: &Plane| plane.normal.dot(&Vector3::from(cell.view).cast::<f64>()).abs();
+        // Seen along, the noise of ranges hardly thickens a plane.
+        let thickness_m = |plane: &Plane| match self.noise_m {
+            Some(_) => (cosine(plane).max(STEEP_COSINE) * test.max_thickness_m).max(MIN_THICKNESS_M),
+            None => test.max_thickness_m,
+        };
+        let fit = |all: &Moments| test.fit(all).filter(|plane| plane.thickness_m2 <= thickness_m(plane).powi(2));
+        let plane = fit(&merge(&|_| true)).or_else(|| {
+            let alone = fit(&own)?;
+            let thickness_m = thickness_m(&alone);
             let lies_in_plane = |moments: &Moments| {
                 let height_m = alone.normal.dot(&(moments.mean - alone.point.coords)).abs();
                 let thickness_m2 = alone.normal.dot(&(moments.scatter * alone.normal)) / moments.count;
                 height_m < thickness_m && thickness_m2 < thickness_m * thickness_m
             };
-            test.fit(&merge(&lies_in_plane)).or(Some(alone))
+            fit(&merge(&lies_in_plane)).or(Some(alone))
         });
         let cell = &mut self.cells[number as usize];
         cell.fitted_count = cell.count;
@@ -311,7 +321,9 @@ impl VoxelMap {
             Some(plane) => set_plane(cell, &plane),
             None => cell.plane = [0.0; 4],
         }
-        plane.map(|plane| plane.thickness_m2)
+        let plane = plane?;
+        let cosine = cosine(&plane);
+        (cosine >= STEEP_COSINE).then(|| plane.thickness_m2 / (cosine * cosine))
     }
 
     /// The moments of the neighbours up to `reach` voxels away that face the same way, from the middle of the cell's
