@@ -2,6 +2,7 @@
 
 mod support;
 
+use arena::mission::dsg::{MoverConfig, Object};
 use arena::mission::robot_model::RobotKind;
 use omni_sim::crowd::CrowdConfig;
 use support::{coarse, scene, short_run};
@@ -26,7 +27,12 @@ fn nobody_is_run_into_and_walkers_are_nodes_of_the_graph() {
         assert!(summary.path_m > 1.0, "it stands still for fear: {} m", summary.path_m);
         // Nobody became furniture: no thing that stands was made of people.
         assert!(people.iter().all(|person| !person.trajectory.is_empty()));
-        assert!(people.len() <= 8, "{} people are known, and five there are: nobody is forgotten", people.len());
+        // Who is out of sight is remembered for a while, and another when he comes back; then he is forgotten.
+        let forget_s = MoverConfig::default().forget_s + 1.0;
+        let now_ns = (summary.sim_s * 1e9) as i64;
+        let unseen_s = |person: &&Object| (now_ns - person.last_seen_ns) as f64 * 1e-9;
+        assert!(people.iter().map(unseen_s).all(|unseen_s| unseen_s < forget_s), "somebody is not forgotten");
+        assert!(people.len() <= 2 * 5, "{} people are known, and five there are", people.len());
     }
     // The same seeds give the same people.
     let mut config = coarse(6.0);
