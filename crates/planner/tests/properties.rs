@@ -46,7 +46,10 @@ mod routes {
                 prop_assert_eq!(route.is_some(), length.is_some());
                 if let (Some(route), Some(length)) = (route, length) {
                     prop_assert!(route.length_m <= length + 2.0, "{} vs {}", route.length_m, length);
-                    prop_assert!(*length <= route.length_m * 1.09 + 0.15, "{} vs {}", route.length_m, length);
+                    // Eight directions cost a twelfth more at most; ends, and every bend, are off by cells of 5 cm.
+                    let bends = route.points.len().saturating_sub(2) as f64;
+                    let most_m = route.length_m * 1.09 + 0.15 + 0.05 * bends;
+                    prop_assert!(*length <= most_m, "{} vs {} with {} bends", route.length_m, length, bends);
                 }
             }
         }
