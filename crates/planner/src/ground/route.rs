@@ -95,8 +95,8 @@ impl VisibilityGraph {
         Some(Route { points, length_m, start_pull_m: from.moved * resolution, goal_pull_m: to.moved * resolution })
     }
 
-    /// Route lengths from one start to many goals by one search; `None` where there is no route. Bends are not moved
-    /// away from walls here, so a length is a little shorter than that of [`VisibilityGraph::route`].
+    /// Route lengths from one start to many goals by one search, m; `None` where there is no route. Bends are not moved
+    /// away from walls here, so a length differs from that of [`VisibilityGraph::route`] by 0.6 m a bend at most.
     pub fn lengths_from(&self, start: &Point2<f64>, goals: &[Point2<f64>]) -> Vec<Option<f64>> {
         let mut from: Vec<Start> = Vec::new();
         goals.iter().map(|goal| self.length_to(start, goal, &mut from)).collect()
