@@ -8,6 +8,7 @@ pub mod bench_coverage;
 pub mod bench_map;
 pub mod bench_nav;
 pub mod body;
+pub mod building_ply;
 pub mod chart;
 pub mod cli;
 pub mod dataset;
@@ -21,6 +22,7 @@ pub mod map_picture;
 pub mod map_score;
 pub mod options;
 pub mod orders;
+pub mod patrol;
 pub mod people;
 pub mod pilot;
 pub mod progress;
@@ -46,7 +48,9 @@ pub mod toured_scene;
 pub mod trot;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
+pub mod truth_folder;
 pub mod vehicle;
+pub mod verdict;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;

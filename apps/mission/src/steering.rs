@@ -28,7 +28,7 @@ pub enum Control {
     Resume,
     /// End the mission: stand, or come down.
     Cancel,
-    /// Forget the goal and do this.
+    /// Forget the goal and do this; also for a robot that has done, or given up, what it was told before.
     Instruct(String),
 }
 
@@ -160,14 +160,16 @@ impl Mission {
     /// [`ControlError`]: nothing has changed.
     pub fn control(&mut self, control: &Control, now: Stamp) -> Result<(), ControlError> {
         let done = match control {
-            _ if self.outcome.is_some() || self.is_interrupted() => Err(ControlError::Over),
+            _ if self.is_interrupted() => Err(ControlError::Over),
+            // Who stands where it was sent, or gave up, can be sent on.
+            Control::Instruct(text) => self.instruct(text, now),
+            _ if self.outcome.is_some() => Err(ControlError::Over),
             Control::Pause => self.pause(),
             Control::Resume => self.resume(now),
             Control::Cancel => {
                 self.cancel(now);
                 Ok(())
             }
-            Control::Instruct(text) => self.instruct(text, now),
         };
         self.write_down(control, now, done.err().map(|error| error.to_string()));
         done
@@ -226,6 +228,7 @@ impl Mission {
         if instruction.steps.is_empty() {
             return Err(ControlError::NoGoal);
         }
+        self.outcome = None;
         // What nobody looked for was not seen where the robot has looked.
         if self.names_something_new(&instruction) {
             self.world.coverage.look_again();
