@@ -74,7 +74,7 @@ impl Mission {
             self.take_answer(t_s);
             if self.outcome.is_none() && self.is_returning() {
                 self.return_to_start(t_s);
-            } else if self.outcome.is_none() && self.must_think(t_s) {
+            } else if self.outcome.is_none() && !self.is_looking_round() && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }

@@ -49,6 +49,13 @@ impl Mission {
                         return false;
                     }
                 }
+                // Who came to look for something looks round first, if it has to turn for that.
+                if matches!(self.target, Target::Action(Action::Explore(_))) && !self.sees_all_round() && !self.has_looked {
+                    self.has_looked = true;
+                    self.look_round();
+                    return false;
+                }
+                self.has_looked = false;
                 let looked_since_s = self.arrived_s.take();
                 self.arrived(looked_since_s);
                 return true;
@@ -121,10 +128,20 @@ impl Mission {
         let answer = match self.reasoner.take() {
             Some(Mind::Embedded(mut reasoner)) => {
                 let (critic, config) = (&self.critic, &self.config);
-                let answer =
-                    self.journal.clock.time("reasoning", || snapshot.decide(reasoner.as_mut(), critic, config));
+                let link = &mut self.link;
+                let (answer, due_s) = self.journal.clock.time("reasoning", || match link {
+                    Some(link) => {
+                        let mut far = link.to(reasoner.as_mut(), t_s);
+                        let answer = snapshot.decide(&mut far, critic, config);
+                        (answer, far.done_s())
+                    }
+                    None => (snapshot.decide(reasoner.as_mut(), critic, config), t_s + config.reasoning_latency_s),
+                });
+                if let Some(trouble) = reasoner.take_trouble() {
+                    self.journal.notes.push((t_s, trouble));
+                }
                 self.reasoner = Some(Mind::Embedded(reasoner));
-                Waiting::Due(t_s + self.config.reasoning_latency_s, Box::new(answer))
+                Waiting::Due(due_s, Box::new(answer))
             }
             Some(Mind::Remote(mut reasoner)) => {
                 let (sender, receiver) = std::sync::mpsc::channel();
@@ -277,7 +294,7 @@ impl Mission {
 
 /// Who reasons for a mission.
 pub enum Mind {
-    /// Answers at once; its delay is a number, so that a replay gives the same bytes.
+    /// The simulated world waits for it; its delay is a number, so that a replay gives the same bytes.
     Embedded(Box<dyn Reasoner + Send>),
     /// Takes its time in another thread.
     Remote(Box<dyn Reasoner + Send>),
