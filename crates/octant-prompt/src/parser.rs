@@ -46,7 +46,7 @@ pub fn parse_instruction(text: &str) -> Instruction {
         }
     }
     resolve_pronouns(&mut steps);
-    Instruction { text: bounded(text), steps }
+    Instruction { text: bounded(text), steps, readings: Vec::new() }
 }
 
 /// Parses one referring expression ("the chair left of the desk, facing the window"), never splitting it into steps. `known_classes` are
