@@ -55,6 +55,12 @@ pub struct StepMemory {
     pub rejected: Vec<Failure>,
     /// How often a search that seemed over was taken up again.
     pub reprieves: u32,
+    /// How often somebody was asked which one is meant.
+    pub questions: u32,
+    /// Which one somebody said is meant.
+    pub chosen: Option<crate::asking::Chosen>,
+    /// Somebody said that any will do, or nobody said anything.
+    pub any_will_do: bool,
 }
 
 /// An action that failed. Maps grow, so it may succeed later.

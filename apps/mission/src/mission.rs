@@ -7,6 +7,7 @@ use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
+use crate::asking::Question;
 use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
@@ -90,6 +91,9 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// Whether somebody answers questions.
+    pub(crate) may_ask: bool,
+    pub(crate) question: Option<Question>,
     /// In a known building, until the robot knows where in it it stands.
     pub(crate) lost: Option<Box<Lost>>,
 }
@@ -152,6 +156,8 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            may_ask: false,
+            question: None,
             lost: None,
             config,
         })
@@ -243,6 +249,7 @@ impl Mission {
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
             None if self.is_paused && self.body.emergency().is_none() => "paused".into(),
+            None if self.question.is_some() => "waiting for an answer".into(),
             None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {
