@@ -289,6 +289,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
     }
     let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
+    let mut shown = 0; // questions
     loop {
         let now_s = simulation.seconds();
         if let Some(vehicle) = &mut vehicle {
@@ -299,7 +300,16 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
         mission.perceive(events);
         let now = simulation.now();
-        while let Some(control) = orders.next(mission.seconds(now)) {
+        if vehicle.is_none() {
+            // The simulated world waits with the robot for somebody who types, and has been shown the question.
+            if mission.questions_asked() > shown {
+                shown = mission.questions_asked();
+                report(&Progress { sim_s: now_s, activity: mission.activity(), is_news: true, ..Progress::of(&mission) });
+            }
+            orders.wait_for_answer(&mission, stop);
+        }
+        while let Some(control) = orders.next(mission.seconds(now)).or_else(|| orders.answer(&mission)) {
+            let control = mission.understood(control);
             let heard = say_to(&mut mission, &control, &scene.building, now);
             let activity = match &heard {
                 Ok(_) => format!("told: {}", control.line()),
@@ -380,7 +390,12 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     }
     truth.touches = simulation.touches().to_vec();
     truth.zones = zones.zones().clone();
-    let (mut success, mut reason) = verdict(&mission, &task, &truth, is_timeout, config.max_time_s);
+    let plain = verdict(&mission, &task, &truth, is_timeout, config.max_time_s);
+    let gave_up = match &mission.outcome {
+        Some(Outcome::GaveUp { reason }) => Some(reason.as_str()),
+        _ => None,
+    };
+    let (mut success, mut reason) = task.rule.judge(&task.text, plain, gave_up, mission.questions_asked());
     if let Some(vehicle) = vehicle {
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();

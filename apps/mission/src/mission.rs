@@ -244,12 +244,14 @@ impl Mission {
 
     /// One line for people: what it is doing now.
     pub fn activity(&self) -> String {
+        if let (None, false, Some(question)) = (&self.outcome, self.is_interrupted, &self.question) {
+            return question.which.text.clone();
+        }
         match &self.outcome {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),
             None if self.is_interrupted => "stopping".into(),
             None if self.is_paused && self.body.emergency().is_none() => "paused".into(),
-            None if self.question.is_some() => "waiting for an answer".into(),
             None if self.body.emergency().is_some() => "going back or down: the battery is low".into(),
             None if self.is_lost() => "finding out where it is in the known map".into(),
             None if self.world.odometry.is_some() && !self.has_pose() => {
