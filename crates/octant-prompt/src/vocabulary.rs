@@ -226,6 +226,23 @@ pub fn canonical(phrase: &str) -> Option<&'static str> {
     TABLES.canonical.get(phrase).copied()
 }
 
+/// All names of classes that a table knows.
+pub(crate) fn class_phrases() -> impl Iterator<Item = &'static str> {
+    TABLES.canonical.keys().copied()
+}
+
+/// All names of room kinds.
+pub(crate) fn room_names() -> impl Iterator<Item = &'static str> {
+    TABLES.kind_of_name.keys().copied()
+}
+
+/// Colours, materials, and classes that have no synonyms.
+pub(crate) fn word_lists() -> impl Iterator<Item = &'static str> {
+    let classes = TABLES.stand_ins.iter().flat_map(|(class, names)| names.iter().chain([class])).copied();
+    let usual = TABLES.affinities.keys().chain(TABLES.group.keys()).chain(TABLES.large.iter()).copied();
+    TABLES.colors.keys().chain(TABLES.materials.keys()).copied().chain(classes).chain(usual)
+}
+
 /// Lower case, letters, digits and single spaces only (`-`, `_` and other marks become spaces; apostrophes vanish).
 pub fn normalise(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
