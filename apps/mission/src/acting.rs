@@ -87,6 +87,11 @@ impl Mission {
                 }
                 match self.goal_of(&action) {
                     Some(goal) => {
+                        if let Action::Explore(id) = &action
+                            && let Some(at) = self.world.graph.place(*id).map(|place| place.position.xy())
+                        {
+                            self.world.coverage.set_out(&at);
+                        }
                         self.arrived_s = None;
                         self.body.set_goal(goal);
                         self.target = Target::Action(action);

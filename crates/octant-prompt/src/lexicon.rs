@@ -285,7 +285,7 @@ const ROWS: &[(Mark, &str)] = &[
         i want to see, i need to see, i want to go to, i need to go to, i want to get to, i need to get to, i have to go to, i have to get to, \
         i would like to go to, id like to go to, find me, find us, drive up to, walk up to, \
         run over to, make your way to, bring the robot to, bring the robot, bring us to, take us to, lead us to, drive over to, drive yourself to, \
-        place yourself at, park at, park near, wait at, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
+        put yourself, place yourself, position yourself, station yourself, place yourself at, park at, park near, wait at, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
         return to, return, come back, come back to, go back, head back, head back to, fly back, fly back to, walk back, walk \
         back to, drive back, drive back to, get back, get back to, continue to, look, hunt for, seek, discover, spot, stop"),
     (Mark::Enter, "enter, go into, go in, walk into, move into, drive into, fly into, step into, head into, go inside, get \

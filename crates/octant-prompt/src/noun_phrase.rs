@@ -52,8 +52,10 @@ impl Parser<'_> {
                 Some(Mark::One) => {
                     self.at += 1;
                     if self.mark() == Some(Mark::Of) {
-                        self.at += 1; // "one of the chairs"
-                        out.is_any = true;
+                        // "one of the chairs" is any, "the black one of the chairs" is not.
+                        let before = self.at.checked_sub(2).map(|before| self.tokens[before].mark);
+                        out.is_any = !matches!(before, Some(Mark::Determiner | Mark::Word));
+                        self.at += 1;
                     } else {
                         out.class = Class::new("one");
                         has_noun = true;

@@ -21,10 +21,10 @@ const OPENINGS: [&str; 24] = [
     "used", "whose", "they", "it", "used", "meant",
 ];
 /// Wishes, before their verb.
-const WISHES: [&str; 24] = [
+const WISHES: [&str; 28] = [
     "i want to", "i need to", "i have to", "i would like to", "id like to", "i must", "i wanna", "i want a", "we want to", "we need to",
     "we have to", "where can i", "where could i", "where do i", "where do you", "where does one", "where can one", "where can you", "let me",
-    "i gotta", "i am going to", "i like to", "where do we", "where can we",
+    "i gotta", "i am going to", "i like to", "what can i", "what could i", "what do i", "with what can i", "where do we", "where can we",
 ];
 /// Where a clause ends.
 fn is_end(word: &str) -> bool {
@@ -96,7 +96,7 @@ fn vague(words: &[String], at: usize) -> Option<Named> {
     let clause = &words[at + 1..end];
     let table = if is_room { &*ROOM_TABLE } else { &*TABLE };
     // What it is for may be said in another sentence: "there is a fire! get the thing that puts it out".
-    let (row, hits) = best(table, clause).or_else(|| best(table, words))?;
+    let (row, hits) = best(table, &words[at..end]).or_else(|| best(table, words))?;
     let rest = place_in(clause);
     let said = (words[at..end].join(" "), confidence(hits));
     // "what I need is a towel" names it.
