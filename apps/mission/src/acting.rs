@@ -71,6 +71,14 @@ pub struct Failure {
     times: u32,
 }
 
+#[cfg(test)]
+impl Failure {
+    /// A failure that counts until a time.
+    pub(crate) fn until(critique: Critique, until_s: f64) -> Failure {
+        Failure { critique, until_s, times: 1 }
+    }
+}
+
 impl Mission {
     /// Turns a verified action into a goal of the body, or into the end of a step.
     pub(crate) fn act(&mut self, action: Action, t_s: f64) {

@@ -100,13 +100,15 @@ pub fn read_answer(text: &str, listed: &[ObjectId], situation: &Situation, confi
         let (said, asked) = (&answer.class, &step.goal.class);
         said.text.is_empty() || said.is_wildcard() || class_similarity(said, asked).max(class_similarity(asked, said)) >= 0.5
     };
-    let Some(mut answer) = parse_referring(text, &labels) else { return Meant::Unclear };
+    // "in the kitchen", "near the sink": of the one that is meant.
+    let in_full = || parse_referring(&format!("the one {text}"), &labels);
+    let Some(mut answer) = parse_referring(text, &labels).or_else(in_full) else { return Meant::Unclear };
     if !is_about(&answer)
-        && let Some(full) = parse_referring(&format!("the one {text}"), &labels)
+        && let Some(full) = in_full()
         && is_about(&full)
         && !(full.relations.is_empty() && full.room.is_none())
     {
-        answer = full; // "near the sink"
+        answer = full;
     }
     let is_known = is_known(&answer.class) || adjective(&answer.class.text).is_some();
     if !is_about(&answer) && !is_known && !scene.classes.iter().any(|class| class_similarity(&answer.class, class) >= 0.5) {
@@ -268,6 +270,7 @@ mod tests {
             ("red", 1),
             ("the one in the kitchen", 3),
             ("kitchen", 3),
+            ("in the kitchen", 3),
             ("the second", 2),
             ("the 3rd one", 3),
             ("the last one", 3),
