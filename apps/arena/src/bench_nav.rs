@@ -9,6 +9,7 @@ use std::time::Instant;
 use anyhow::Result;
 use mission::robot_model::{RobotKind, RobotModel};
 use mission::stage_clock::CpuScope;
+use mission::time_histogram::TimeHistogram;
 use serde::Serialize;
 
 use crate::cli::word;
@@ -16,7 +17,6 @@ use crate::instructions::{Answers, GivenInstruction, KindFigures, by_kind};
 use crate::known_building::survey_of;
 use crate::orders::Orders;
 use crate::progress::ProgressView;
-use crate::quantile::quantile;
 use crate::run::{RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::scenario::{Scenario, draw_scenario};
@@ -88,9 +88,9 @@ pub struct Times {
 }
 
 impl Times {
-    fn of(samples_us: impl Iterator<Item = u32>) -> Times {
-        let samples_ms: Vec<f64> = samples_us.map(|us| f64::from(us) / 1e3).collect();
-        let at = |share: f64| quantile(&samples_ms, share).unwrap_or(0.0);
+    /// Of all calls that are counted.
+    pub fn of(times: &TimeHistogram) -> Times {
+        let at = |share: f64| times.quantile_us(share).unwrap_or(0.0) / 1e3;
         Times { median: at(0.5), p99: at(0.99) }
     }
 }
@@ -137,10 +137,12 @@ pub fn bench_nav(
     })?;
     view.finish();
 
-    let pooled = |of: fn(&Facts) -> &Vec<u32>| {
-        Times::of(outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).flat_map(of).copied())
+    let pooled = |of: fn(&Facts) -> &TimeHistogram| {
+        let mut all = TimeHistogram::default();
+        outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).for_each(|facts| all.merge(of(facts)));
+        Times::of(&all)
     };
-    let (graph_update_ms, route_ms) = (pooled(|facts| &facts.updates_us), pooled(|facts| &facts.routes_us));
+    let (graph_update_ms, route_ms) = (pooled(|facts| &facts.updates), pooled(|facts| &facts.routes));
     let facts: Vec<&Facts> = outcomes.iter().filter_map(|(_, facts)| facts.as_ref()).collect();
     let drawn = drawn(&facts);
     let runs: Vec<Summary> = outcomes.into_iter().map(|(summary, _)| summary).collect();
@@ -177,8 +179,8 @@ struct Facts {
     is_target_visible: bool,
     has_rival: bool,
     shortest_m: f64,
-    updates_us: Vec<u32>,
-    routes_us: Vec<u32>,
+    updates: TimeHistogram,
+    routes: TimeHistogram,
 }
 
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the run
@@ -217,12 +219,12 @@ fn one_run(
         }
     };
     let Scenario { scene, task, start, seed: run_seed, is_target_visible, has_rival, shortest_m, rooms } = scenario;
-    let (updates_us, routes_us) = (Vec::new(), Vec::new());
+    let (updates, routes) = (TimeHistogram::default(), TimeHistogram::default());
     let sentence = instruction.map_or_else(|| kind_word(&task), |instruction| instruction.kind.clone());
     let answers = given.answers.map_or_else(Vec::new, |answers| answers.about(&scene.name, &task.text));
     let orders = Orders::default().with_answers(answers);
     let mut facts =
-        Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates_us, routes_us };
+        Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates, routes };
     let (scene, task, start) = (&scene, &task, &start);
     let known = match is_known.then(|| survey_of(robot, scene, run_seed, config)).transpose() {
         Ok(known) => known,
@@ -236,8 +238,8 @@ fn one_run(
             result.summary.kind = sentence;
             let summary = result.summary.clone();
             let clock = &result.journal().clock;
-            facts.updates_us = clock.samples_us("navigation").to_vec();
-            facts.routes_us = clock.samples_us("route").to_vec();
+            facts.updates = clock.times("navigation").cloned().unwrap_or_default();
+            facts.routes = clock.times("route").cloned().unwrap_or_default();
             if let Some(folder) = keep {
                 let written = RunFolder::new(&folder.join(format!("{}-{seed}-{index:03}", word(kind))))
                     .and_then(|folder| write_run(&folder, &result, scene).map(|()| folder))

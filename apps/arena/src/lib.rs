@@ -8,6 +8,7 @@ pub mod bench_coverage;
 pub mod bench_map;
 pub mod bench_nav;
 pub mod body;
+pub mod building_ply;
 pub mod chart;
 pub mod cli;
 pub mod dataset;
@@ -22,6 +23,7 @@ pub mod map_picture;
 pub mod map_score;
 pub mod options;
 pub mod orders;
+pub mod patrol;
 pub mod people;
 pub mod pilot;
 pub mod progress;
@@ -48,7 +50,9 @@ pub mod toured_scene;
 pub mod trot;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
+pub mod truth_folder;
 pub mod vehicle;
+pub mod verdict;
 #[cfg(feature = "viz")]
 pub mod viz;
 pub mod whole_file;

@@ -27,6 +27,7 @@ pub struct Orders {
     due: VecDeque<(f64, Control)>,
     lines: Option<Receiver<String>>,
     answers: Answering,
+    rounds: Option<Rounds>,
 }
 
 /// What somebody answers when the robot asks.
@@ -43,6 +44,14 @@ struct Answering {
     typed: Option<String>,
 }
 
+/// The same errands over and over.
+#[derive(Debug)]
+struct Rounds {
+    errands: Vec<String>,
+    next: usize,
+    until_s: f64,
+}
+
 impl Orders {
     /// Lines `SECONDS WORDS`, as [`mission::steering`] describes them.
     ///
@@ -55,6 +64,11 @@ impl Orders {
     /// Lines that come in while the run goes on, each obeyed at once.
     pub fn lines(lines: Receiver<String>) -> Orders {
         Orders { lines: Some(lines), ..Orders::default() }
+    }
+
+    /// A patrol: whenever the robot has done its errand, or given it up, it hears the next of these, until so many seconds are over.
+    pub fn rounds(errands: Vec<String>, until_s: f64) -> Orders {
+        Orders { rounds: Some(Rounds { errands, next: 0, until_s }), ..Orders::default() }
     }
 
     /// What the command line says: a file, `-` for standard input, or without it what is typed at a terminal in whose foreground the
@@ -123,13 +137,23 @@ impl Orders {
         }
     }
 
-    /// What is to be said now, one at a time.
-    pub fn next(&mut self, now_s: f64) -> Option<Control> {
+    /// Whether there will be another errand for a robot that is at rest.
+    pub fn has_more(&self, now_s: f64) -> bool {
+        self.rounds.as_ref().is_some_and(|rounds| !rounds.errands.is_empty() && now_s < rounds.until_s)
+    }
+
+    /// What is to be said now, one at a time, to a robot that is at rest or not.
+    pub fn next(&mut self, now_s: f64, is_at_rest: bool) -> Option<Control> {
         if std::mem::take(&mut self.answers.is_news) {
             return Some(Control::AskMe);
         }
         if let Some(line) = self.answers.typed.take() {
             return Some(Control::from_line(&line));
+        }
+        if let Some(rounds) = self.rounds.as_mut().filter(|rounds| is_at_rest && now_s < rounds.until_s) {
+            let errand = rounds.errands.get(rounds.next % rounds.errands.len().max(1))?;
+            rounds.next += 1;
+            return Some(Control::Instruct(errand.clone()));
         }
         if self.due.front().is_some_and(|(t_s, _)| *t_s <= now_s) {
             return self.due.pop_front().map(|(_, control)| control);
@@ -207,16 +231,28 @@ mod tests {
     #[test]
     fn orders_come_when_they_are_due_or_when_they_are_typed() {
         let mut script = Orders::script("1 pause\n2.5 resume").unwrap();
-        assert_eq!(script.next(0.98), None);
-        assert_eq!((script.next(1.0), script.next(1.0)), (Some(Control::Pause), None));
-        assert_eq!(script.next(9.0), Some(Control::Resume));
+        assert_eq!(script.next(0.98, false), None);
+        assert_eq!((script.next(1.0, false), script.next(1.0, false)), (Some(Control::Pause), None));
+        assert_eq!(script.next(9.0, true), Some(Control::Resume));
         let (sender, receiver) = channel();
         let mut typed = Orders::lines(receiver);
-        assert_eq!(typed.next(0.0), None);
+        assert_eq!(typed.next(0.0, false), None);
         ["", "  ", "cancel", "find the mug"].iter().for_each(|line| sender.send((*line).to_owned()).unwrap());
-        assert_eq!(typed.next(0.1), Some(Control::Cancel));
+        assert_eq!(typed.next(0.1, false), Some(Control::Cancel));
         drop(sender);
-        assert_eq!(typed.next(0.1), Some(Control::Instruct("find the mug".into())));
-        assert_eq!((typed.next(0.1), typed.next(0.1)), (None, None));
+        assert_eq!(typed.next(0.1, false), Some(Control::Instruct("find the mug".into())));
+        assert_eq!((typed.next(0.1, false), typed.next(0.1, false)), (None, None));
+    }
+
+    #[test]
+    fn a_patrol_goes_on_to_the_next_errand_whenever_the_robot_rests() {
+        let mut patrol = Orders::rounds(vec!["go to the kitchen".into(), "go to the study".into()], 10.0);
+        let said = |control: Option<Control>| control.map(|control| control.line().to_owned());
+        assert_eq!(said(patrol.next(1.0, false)), None);
+        assert_eq!(said(patrol.next(1.0, true)).unwrap(), "go to the kitchen");
+        assert_eq!(said(patrol.next(2.0, true)).unwrap(), "go to the study");
+        assert_eq!(said(patrol.next(3.0, true)).unwrap(), "go to the kitchen");
+        assert_eq!(said(patrol.next(10.0, true)), None);
+        assert_eq!(said(Orders::rounds(vec![], 10.0).next(0.0, true)), None);
     }
 }

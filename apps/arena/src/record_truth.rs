@@ -5,7 +5,7 @@
 use anyhow::Result;
 use mission::omni_perception::{Mask, MaskedPanorama, Rle, Stamp};
 use nalgebra::Point2;
-use omni_sim::building::Building;
+use omni_sim::building::{Building, DoorAxis};
 use omni_sim::region::regions_of;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -95,7 +95,12 @@ pub fn write_building(folder: &RunFolder, building: &Building) -> Result<()> {
         .iter()
         .map(|door| {
             let center: [f64; 3] = door.center.coords.into();
-            json!({"rooms": [door.rooms.0, door.rooms.1], "center_m": center, "width_m": door.width_m, "height_m": door.height_m})
+            let axis = match door.axis {
+                DoorAxis::X => "x",
+                DoorAxis::Y => "y",
+                DoorAxis::Z => "z",
+            };
+            json!({"rooms": [door.rooms.0, door.rooms.1], "center_m": center, "width_m": door.width_m, "height_m": door.height_m, "axis": axis})
         })
         .collect();
     folder.write("truth/doors.json", &serde_json::to_vec_pretty(&doors)?)

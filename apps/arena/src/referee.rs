@@ -7,6 +7,7 @@
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use omni_sim::building::{Building, ObjectTruth};
 use omni_sim::world::World;
+use serde::{Deserialize, Serialize};
 
 use crate::task::StepTruth;
 use omni_sim::floor::TrueFloor;
@@ -20,7 +21,7 @@ pub const ARRIVAL_M: f64 = 0.5;
 pub const HOME_M: f64 = 1.0;
 
 /// What the referee must know of the robot.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RobotTruth {
     /// Circle that the robot sweeps when it turns.
     pub radius_m: f64,

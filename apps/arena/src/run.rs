@@ -19,8 +19,9 @@ use mission::rig::Rig;
 use mission::robot_model::{GaitError, RobotKind, RobotModel};
 use mission::segmenter_http::{HttpSegmenter, HttpSegmenterConfig};
 use mission::stage_clock::{CpuScope, StageClock};
+use mission::stream::SensorEvent;
 use mission::vision_verifier::VisionConfig;
-use mission::zones::{ZoneFrame, Zones};
+use mission::zones::ZoneFrame;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use omni_sim::crowd::CrowdConfig;
 
@@ -28,13 +29,13 @@ use crate::bench_nav::kind_word;
 use crate::cli::word;
 use crate::options::{LidarMount, Options, Pose};
 use crate::orders::{Orders, say_to};
-use crate::referee::Referee;
+use crate::referee::{Referee, RobotTruth};
 use crate::scenario::{Scene, robot_truth};
-use crate::simulation::{Simulation, SimulationConfig, Touch};
+use crate::simulation::{Simulation, SimulationConfig};
 use crate::summary::Summary;
 use crate::task::Task;
 use crate::vehicle::Vehicle;
-use crate::zone_watch::ZoneWatch;
+use crate::verdict::{Declared, Ending, Errand, TruthLog, Verdict, verdict};
 
 /// Settings of a run that do not depend on the scene.
 #[derive(Debug, Clone)]
@@ -49,6 +50,8 @@ pub struct RunConfig {
     pub llm: Option<ChatConfig>,
     /// A service that segments the pictures instead of the simulated segmenter.
     pub segmenter: Option<HttpSegmenterConfig>,
+    /// The robot's postures are kept, for pictures that move; default only with the feature `viz`.
+    pub keeps_postures: bool,
     /// Whose CPU time the summary gives.
     pub cpu_scope: CpuScope,
     /// Where the map of `--known` lies in the building, if anybody knows: the referee needs it for zones in that map.
@@ -104,6 +107,7 @@ impl Default for RunConfig {
             max_time_s: 600.0,
             llm: None,
             segmenter: None,
+            keeps_postures: cfg!(feature = "viz"),
             cpu_scope: CpuScope::Process,
             truth_from_known: None,
         }
@@ -142,21 +146,6 @@ impl Progress {
     }
 }
 
-/// The truth of a run, for `truth/`.
-#[derive(Debug, Clone, Default)]
-pub struct TruthLog {
-    /// True poses of the body, ten a second.
-    pub poses: Vec<(i64, Isometry3<f64>)>,
-    /// Every touch.
-    pub touches: Vec<Touch>,
-    /// Where the map's frame was in the building when the run began.
-    pub truth_from_map: Isometry3<f64>,
-    /// The zones in the building.
-    pub zones: Zones,
-    /// The steps that the robot declared done, with the referee's verdict on each.
-    pub steps: Vec<(usize, i64, bool)>,
-}
-
 /// Where the robot believed to be and how it held its joints: what it takes to draw it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posture {
@@ -178,7 +167,11 @@ pub struct RunResult {
     pub mission: Mission,
     /// The world's side.
     pub truth: TruthLog,
-    /// The robot, 25 times a second.
+    /// What the referee says.
+    pub verdict: Verdict,
+    /// What the referee knows of the robot.
+    pub body: RobotTruth,
+    /// The robot, 25 times a second, if the settings say so.
     pub postures: Vec<Posture>,
 }
 
@@ -248,10 +241,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         ZoneFrame::Map => config.truth_from_known,
     };
     // Zones of which nobody knows where they lie are judged by nobody.
-    let mut zones = ZoneWatch::new(
-        truth_from_zones.map(|truth_from_zones| config.mission.zones.moved(&truth_from_zones)).unwrap_or_default(),
-        &robot.footprint,
-    );
+    let zones = truth_from_zones.map(|frame| config.mission.zones.moved(&frame)).unwrap_or_default();
     let is_towed = vehicle.is_some();
     let world = SimulationConfig { is_towed, ..config.simulation.clone() };
     let mut simulation = Simulation::new(&world, robot, scene, start, &start_in_map, seed)?;
@@ -278,17 +268,15 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     mission.journal.clock = StageClock::new(config.cpu_scope);
 
     // The loop: the world goes on for a step, the robot sees and commands.
-    let mut truth = TruthLog { truth_from_map: start * start_in_map.inverse(), ..TruthLog::default() };
-    let (mut command, mut path_m, mut is_timeout) = (mission.idle(), 0.0, false);
-    let mut last = *start;
-    // Where the robot stood when it heard the instruction that is judged, and how far it had come.
-    let mut asked = (start_at, 0.0);
+    let truth_from_map = start * start_in_map.inverse();
+    let mut truth = TruthLog { truth_from_map, zones, poses: vec![(simulation.now().0, *start)], ..TruthLog::default() };
+    let (mut command, mut is_timeout) = (mission.idle(), false);
     let mut trouble = None;
     let mut postures = Vec::new();
     if let Err(why @ GaitError::OtherKindOfLeg { .. }) = simulation.legs() {
         mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
     }
-    let (mut settle_s, mut judged, mut last_activity, mut next_report_s) = (0.0, 0, String::new(), 0.0);
+    let (mut settle_s, mut lost_s, mut last_activity, mut next_report_s) = (0.0, 0.0, String::new(), 0.0);
     let mut shown = 0; // questions
     loop {
         let now_s = simulation.seconds();
@@ -298,6 +286,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             simulation.tell_charge(vehicle.charge());
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
+        let has_scan = events.iter().any(|event| matches!(event, SensorEvent::Scan(_)));
+        let seen = config.cpu_scope.now();
         mission.perceive(events);
         let now = simulation.now();
         if vehicle.is_none() {
@@ -308,8 +298,16 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             }
             orders.wait_for_answer(&mission, stop);
         }
-        while let Some(control) = orders.next(mission.seconds(now)).or_else(|| orders.answer(&mission)) {
+        while let Some(control) =
+            orders.next(mission.seconds(now), settle_s >= SETTLE_S).or_else(|| orders.answer(&mission))
+        {
             let control = mission.understood(control);
+            // Who is at rest has done what it was told, or given it up: that is judged before it hears the next.
+            let errand = mission.is_over().then(|| {
+                finish(&mut truth, &mission, &task, &simulation, is_timeout, config.max_time_s);
+                let Verdict { success, reason, .. } = verdict(&truth, &task, &referee, &robot.footprint);
+                Errand { instruction: task.text.clone(), success, reason, end_s: now_s }
+            });
             let heard = say_to(&mut mission, &control, &scene.building, now);
             let activity = match &heard {
                 Ok(_) => format!("told: {}", control.line()),
@@ -318,12 +316,16 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             report(&Progress { sim_s: now_s, activity, is_news: true, ..Progress::of(&mission) });
             if let Ok(Some(other)) = heard {
                 task = other;
-                asked = (Point2::from(last.translation.vector.xy()), path_m);
-                (judged, truth.steps) = (0, Vec::new());
+                settle_s = 0.0;
+                truth.errands.extend(errand);
+                truth.begin_errand(now.0);
                 simulation.set_phrases(mission.phrases(), mission.standing_phrases().to_vec());
             }
         }
         command = mission.cycle(now);
+        if has_scan {
+            mission.journal.clock.book("scan to command", seen.elapsed());
+        }
         if let Some(estimate) = mission.odometry() {
             simulation.hear(estimate);
         }
@@ -335,24 +337,22 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
 
         let pose = simulation.true_pose();
-        zones.see(&pose, STEP_NS as f64 * 1e-9);
-        path_m += (pose.translation.vector.xy() - last.translation.vector.xy()).norm();
-        last = pose;
-        if simulation.steps() % 5 == 0 {
-            truth.poses.push((simulation.now().0, pose));
-        }
-        if simulation.steps() % POSTURE_STEPS == 0
+        truth.poses.push((simulation.now().0, pose));
+        if config.keeps_postures
+            && simulation.steps() % POSTURE_STEPS == 0
             && let Some(odometry) = &mission.world.odometry
         {
             let joints = simulation.legs().map_or_else(|_| Vec::new(), |legs| legs.gait().angles().to_vec());
             let map_from_body = odometry.world_from_body;
             postures.push(Posture { t_s: simulation.seconds(), map_from_body, joints });
         }
-        // Steps are judged at the moment the robot declares them, except the last one, judged when it stands.
-        while judged < mission.steps_done.len() && judged + 1 < task.steps.len() {
-            let done = task.steps.get(judged).is_some_and(|step| referee.is_done(step, &pose));
-            truth.steps.push((judged, simulation.now().0, done));
-            judged += 1;
+        if mission.world.odometry.is_some() && !mission.has_pose() {
+            lost_s += STEP_NS as f64 * 1e-9;
+        }
+        // Steps are judged where the robot is when it declares them, except the last one, judged where it stands.
+        while truth.declared.len() < mission.steps_done.len() && truth.declared.len() + 1 < task.steps.len() {
+            let (step, stamp_ns) = (truth.declared.len(), simulation.now().0);
+            truth.declared.push(Declared { step, stamp_ns, truth_from_body: pose });
         }
         if stop.load(Ordering::Relaxed) {
             mission.interrupt();
@@ -366,9 +366,11 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
         if mission.is_over() {
             settle_s += STEP_NS as f64 * 1e-9;
-            if settle_s >= SETTLE_S {
+            if settle_s >= SETTLE_S && !(orders.has_more(now_s) && !mission.is_interrupted()) {
                 break;
             }
+        } else {
+            settle_s = 0.0;
         }
         if now_s >= config.max_time_s {
             is_timeout = true;
@@ -382,42 +384,20 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     truth.truth_from_map *= mission.world.frame().map_from_odometry.inverse();
 
     // The verdict.
-    let pose = simulation.true_pose();
-    if let Some(last_step) = task.steps.last()
-        && matches!(mission.outcome, Some(Outcome::Stopped { .. }))
-    {
-        truth.steps.push((task.steps.len() - 1, simulation.now().0, referee.is_done(last_step, &pose)));
-    }
-    truth.touches = simulation.touches().to_vec();
-    truth.zones = zones.zones().clone();
-    let plain = verdict(&mission, &task, &truth, is_timeout, config.max_time_s);
-    let gave_up = match &mission.outcome {
-        Some(Outcome::GaveUp { reason }) => Some(reason.as_str()),
-        _ => None,
-    };
-    let (mut success, mut reason) = task.rule.judge(&task.text, plain, gave_up, mission.questions_asked());
+    finish(&mut truth, &mission, &task, &simulation, is_timeout, config.max_time_s);
     if let Some(vehicle) = vehicle {
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();
         mission.journal.notes.push((end_s, vehicle.account()));
-        if let Some(why) = trouble.or(rest.err()) {
-            (success, reason) = (false, format!("The {} ended early: {why:#}.", vehicle.deed()));
-        }
+        truth.trouble =
+            trouble.or(rest.err()).map(|why| format!("The {} ended early: {why:#}.", vehicle.deed()));
     }
-    let shortest_m = referee.shortest_m(&task.steps, &asked.0);
-    let driven_m = path_m - asked.1;
-    let spl = match (success, shortest_m) {
-        (true, Some(shortest_m)) => {
-            // Whoever starts at a right place has driven no detour.
-            if shortest_m < omni_sim::floor::CELL_M { 1.0 } else { shortest_m / driven_m.max(shortest_m) }
-        }
-        _ => 0.0,
-    };
+    let verdict = verdict(&truth, &task, &referee, &robot.footprint);
     let stages = mission.journal.clock.figures();
     let clearances = mission.journal.curves.iter().map(|c| c.clearance_m).filter(|c| c.is_finite());
     let summary = Summary {
-        success,
-        reason,
+        success: verdict.success,
+        reason: verdict.reason.clone(),
         robot: word(robot.kind).to_owned(),
         model: robot.name.clone(),
         scene: scene.name.clone(),
@@ -428,29 +408,60 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             Some(Outcome::Stopped { target, .. }) => target.clone(),
             _ => String::new(),
         },
-        path_m,
-        shortest_m,
-        spl,
+        path_m: verdict.path_m,
+        shortest_m: verdict.shortest_m,
+        spl: verdict.spl,
         sim_s: simulation.seconds(),
         wall_s: wall.elapsed().as_secs_f64(),
         cpu_s: cpu.elapsed().as_secs_f64(),
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
-        collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
-        contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
-        keep_out_entries: zones.figures().iter().filter(|zone| zone.max_mps.is_none()).map(|zone| zone.entries).sum(),
-        zones: zones.figures().to_vec(),
+        collisions: verdict.collisions,
+        contacts_with_people: verdict.contacts_with_people,
+        keep_out_entries: verdict.keep_out_entries,
+        zones: verdict.zones.clone(),
         min_clearance_m: clearances.reduce(f64::min),
         rooms_found: mission.world.graph.rooms().count(),
         objects_found: mission.world.graph.confirmed_objects().count(),
         images: simulation.segmentation().images,
         images_without_masks: simulation.segmentation().without_masks,
         segmenter_error: simulation.segmentation().last_error.clone(),
+        lost_s,
+        odometry_resets: mission.odometry_resets(),
         interrupted: mission.is_interrupted(),
         stages,
     };
-    Ok(RunResult { summary, task, mission, truth, postures })
+    let body = robot_truth(robot, config.mission.flight_height_m);
+    Ok(RunResult { summary, task, mission, truth, verdict, body, postures })
+}
+
+/// How it ended, and the last step where the robot came to rest.
+fn finish(
+    truth: &mut TruthLog,
+    mission: &Mission,
+    task: &Task,
+    simulation: &Simulation,
+    is_timeout: bool,
+    max_time_s: f64,
+) {
+    truth.touches = simulation.touches().to_vec();
+    truth.questions = mission.questions_about_this();
+    truth.ending = match (&mission.outcome, mission.cancelled_s()) {
+        (_, Some(t_s)) => {
+            let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };
+            Ending::Cancelled { t_s, rests: rests.into() }
+        }
+        _ if mission.is_interrupted() => Ending::Interrupted,
+        (None, _) if is_timeout => Ending::TimedOut { max_time_s, activity: mission.activity() },
+        (None, _) => Ending::Undecided,
+        (Some(Outcome::GaveUp { reason }), _) => Ending::GaveUp { reason: reason.clone() },
+        (Some(Outcome::Stopped { target, .. }), _) => Ending::Stopped { target: target.clone() },
+    };
+    if let (Ending::Stopped { .. }, Some(step)) = (&truth.ending, task.steps.len().checked_sub(1)) {
+        let (stamp_ns, truth_from_body) = (simulation.now().0, simulation.true_pose());
+        truth.declared.push(Declared { step, stamp_ns, truth_from_body });
+    }
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
@@ -460,36 +471,6 @@ pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
     fixed.sensors.lidar.tilt_rad = 0.0;
     fixed.sensors.rotor_from_sensor.rotation = UnitQuaternion::identity();
     fixed
-}
-
-/// Success and the sentence that explains it.
-fn verdict(mission: &Mission, task: &Task, truth: &TruthLog, is_timeout: bool, max_time_s: f64) -> (bool, String) {
-    if let Some(cancelled_s) = mission.cancelled_s() {
-        let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };
-        return (false, format!("The run was cancelled after {cancelled_s:.1} s; the robot {rests}."));
-    }
-    if mission.is_interrupted() {
-        return (false, "The run was interrupted; the robot stopped safely.".into());
-    }
-    match &mission.outcome {
-        None if is_timeout => {
-            (false, format!("The robot did not arrive within {max_time_s:.0} s; it was {}.", mission.activity()))
-        }
-        None => (false, "The run ended before the robot decided anything.".into()),
-        Some(Outcome::GaveUp { reason }) => (false, format!("The robot gave up: {reason}")),
-        Some(Outcome::Stopped { target, .. }) => {
-            let wrong: Vec<usize> = (0..task.steps.len())
-                .filter(|step| !truth.steps.iter().any(|(s, _, done)| s == step && *done))
-                .collect();
-            match wrong.first() {
-                None => (true, format!("The robot stopped at the right place ({target}).")),
-                Some(step) if task.steps.len() > 1 => {
-                    (false, format!("The robot stopped at {target}, but step {} was not done.", step + 1))
-                }
-                Some(_) => (false, format!("The robot stopped at {target}, which is the wrong place.")),
-            }
-        }
-    }
 }
 
 /// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.

@@ -77,7 +77,7 @@ impl SimulationConfig {
 }
 
 /// One touch of the robot with something.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Touch {
     /// When, in seconds of the run.
     pub t_s: f64,

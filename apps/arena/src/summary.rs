@@ -66,6 +66,10 @@ pub struct Summary {
     pub images_without_masks: usize,
     /// Why, the last time; `null` if it never failed.
     pub segmenter_error: Option<String>,
+    /// How long the odometry had lost its way.
+    pub lost_s: f64,
+    /// How often it began anew.
+    pub odometry_resets: u64,
     /// True if a person stopped the run.
     pub interrupted: bool,
     /// Where the time went.

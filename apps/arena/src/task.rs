@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use omni_sim::building::{Building, ObjectTruth};
 use rand::{RngExt, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::rule::Rule;
 
@@ -20,7 +20,7 @@ const CLEARLY_NEAR_M: f64 = 0.6;
 const CLEARLY_FAR_M: f64 = 1.8;
 
 /// What has to be reached in one step; any of the listed things is right.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "reach")]
 pub enum StepTruth {
     /// Stop where one of these objects can be seen from nearby.
@@ -38,7 +38,7 @@ pub enum StepTruth {
 }
 
 /// Kind of sentence, for the statistics of a bench.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskKind {
     /// "find the plant": any of the class.
@@ -56,7 +56,7 @@ pub enum TaskKind {
 }
 
 /// A sentence and its meaning in the truth.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Task {
     /// What the robot hears.
     pub text: String,
@@ -65,6 +65,7 @@ pub struct Task {
     /// What it takes, in order. A step without ids asks for something that is not there.
     pub steps: Vec<StepTruth>,
     /// When it counts as done.
+    #[serde(default)]
     pub rule: Rule,
 }
 

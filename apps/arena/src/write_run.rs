@@ -2,17 +2,15 @@
 
 use anyhow::Result;
 use mission::mission::Outcome;
-use mission::omni_perception::Stamp;
-use mission::tum::tum_line;
 use nalgebra::{Isometry3, Point2};
-use serde_json::json;
 
 use crate::map_picture::{MapDrawing, in_map, navigation_img};
 use crate::orders::script_of;
 use crate::report::report_html;
-use crate::run::{Frame, RunResult};
+use crate::run::RunResult;
 use crate::run_folder::RunFolder;
 use crate::scenario::Scene;
+use crate::truth_folder::write_truth;
 
 /// Writes all files of a run.
 pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Result<()> {
@@ -38,7 +36,7 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Resul
     }
 
     // What truly was.
-    write_truth(folder, result, scene)?;
+    write_truth(folder, result, &scene.building)?;
 
     // For people.
     let poses: Vec<Isometry3<f64>> = result.truth.poses.iter().map(|(_, pose)| *pose).collect();
@@ -65,56 +63,4 @@ pub fn write_run(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Resul
 
     // Last: the mark of a complete run.
     folder.write("summary.json", &serde_json::to_vec_pretty(&result.summary)?)
-}
-
-/// `truth/`: with these files anybody can judge the run again.
-fn write_truth(folder: &RunFolder, result: &RunResult, scene: &Scene) -> Result<()> {
-    let mut trajectory = String::from("# t_s x y z qx qy qz qw, true pose of the body in the building\n");
-    for (stamp_ns, pose) in &result.truth.poses {
-        trajectory.push_str(&tum_line(Stamp(*stamp_ns), pose));
-    }
-    folder.write("truth/trajectory.tum", trajectory.as_bytes())?;
-    let objects: Vec<_> = scene
-        .building
-        .objects
-        .iter()
-        .map(|object| {
-            json!({
-                "id": object.id, "class": object.class, "color": object.color, "material": object.material,
-                "function": object.function, "caption": object.caption, "room": object.room,
-                "supported_by": object.supported_by,
-                "min_m": [object.bounds.min.x, object.bounds.min.y, object.bounds.min.z],
-                "max_m": [object.bounds.max.x, object.bounds.max.y, object.bounds.max.z],
-            })
-        })
-        .collect();
-    folder.write("truth/objects.json", &serde_json::to_vec_pretty(&objects)?)?;
-    let rooms: Vec<_> = scene
-        .building
-        .rooms
-        .iter()
-        .map(|room| {
-            let rects: Vec<_> = room.rects.iter().map(|r| json!([r.min.x, r.min.y, r.max.x, r.max.y])).collect();
-            json!({
-                "id": room.id, "name": room.name, "kind": room.kind.name(), "rects_m": rects,
-                "floor_z_m": room.floor_z_m, "storey": room.storey,
-            })
-        })
-        .collect();
-    folder.write("truth/rooms.json", &serde_json::to_vec_pretty(&rooms)?)?;
-    folder.write("truth/contacts.json", &serde_json::to_vec_pretty(&result.truth.touches)?)?;
-    let steps: Vec<_> = result
-        .truth
-        .steps
-        .iter()
-        .map(|(step, stamp_ns, done)| json!({"step": step, "declared_s": *stamp_ns as f64 * 1e-9, "right": done}))
-        .collect();
-    folder.write("truth/task.json", &serde_json::to_vec_pretty(&json!({"task": result.task, "declared": steps}))?)?;
-    let truth_from_map = &result.truth.truth_from_map;
-    let frame = Frame {
-        position_m: truth_from_map.translation.vector.into(),
-        yaw_rad: truth_from_map.rotation.euler_angles().2,
-        floor_m: scene.building.rooms.first().map_or(0.0, |room| room.floor_z_m),
-    };
-    folder.write("truth/frame.json", &serde_json::to_vec_pretty(&frame)?)
 }

@@ -61,7 +61,7 @@ fn check_that_blank_masks_fail(kind: RobotKind) {
     let result = run(&config, kind, &scene("spin"));
     assert!(!result.summary.success, "{}", result.summary.reason);
     assert_eq!(result.summary.objects_found, 0, "no masks, no objects");
-    assert!(result.truth.steps.iter().all(|(_, _, done)| !done));
+    assert!(result.verdict.steps.iter().all(|step| !step.right));
 }
 
 fn check_that_removed_targets_fail(kind: RobotKind) {

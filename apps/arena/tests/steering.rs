@@ -94,7 +94,7 @@ fn another_instruction_in_the_middle_is_the_one_that_counts() {
     assert_eq!(summary.instruction, "go to the kitchen, then find the toaster");
     assert!(summary.success, "{}", summary.reason);
     assert_eq!(
-        result.truth.steps.iter().map(|(step, _, done)| (*step, *done)).collect::<Vec<_>>(),
+        result.verdict.steps.iter().map(|step| (step.step, step.right)).collect::<Vec<_>>(),
         [(0, true), (1, true)]
     );
     assert!(matches!(&result.mission.outcome, Some(Outcome::Stopped { target, .. }) if target.contains("toaster")));

@@ -16,7 +16,7 @@ fn find_and_return(kind: RobotKind) {
     // There and back.
     let shortest_m = summary.shortest_m.expect("there is a way");
     assert!(summary.path_m > 0.8 * shortest_m, "{} m of {shortest_m} m", summary.path_m);
-    let steps: Vec<(usize, bool)> = result.truth.steps.iter().map(|(step, _, done)| (*step, *done)).collect();
+    let steps: Vec<(usize, bool)> = result.verdict.steps.iter().map(|step| (step.step, step.right)).collect();
     assert_eq!(steps, [(0, true), (1, true)]);
 }
 

@@ -64,6 +64,11 @@ impl Mission {
         self.journal.decisions.iter().filter(|decision| decision.question.is_some()).count()
     }
 
+    /// How often about the present instruction.
+    pub fn questions_about_this(&self) -> usize {
+        self.questions_asked() - self.asked_before
+    }
+
     /// What a line means while a question waits: an answer to it, unless it names another thing to go to.
     pub fn understood(&self, control: Control) -> Control {
         let (Some(_), Control::Instruct(text)) = (&self.question, &control) else { return control };

@@ -128,11 +128,11 @@ impl Mission {
         if t_s < self.next_sample_s {
             return;
         }
-        self.next_sample_s = t_s + PERIOD_S;
+        self.next_sample_s = t_s + PERIOD_S * f64::from(1_u32 << self.journal.thinned.min(16));
         let Some(odometry) = &self.world.odometry else { return };
         let at = odometry.world_from_body.translation.vector;
         let (_, _, yaw_rad) = odometry.world_from_body.rotation.euler_angles();
-        self.journal.curves.push(CurveSample {
+        let sample = CurveSample {
             t_s,
             pose: [at.x, at.y, at.z, yaw_rad],
             speed_mps: odometry.velocity_in_world_mps.norm(),
@@ -140,7 +140,8 @@ impl Mission {
             prompt_tokens: self.journal.prompt_tokens(),
             objects: self.world.graph.confirmed_objects().count(),
             rooms: self.world.graph.rooms().count(),
-        });
+        };
+        self.journal.sample(sample);
     }
 
     /// Ends the mission.

@@ -59,7 +59,7 @@ pub struct TraceEntry {
     pub output: String,
 }
 
-/// A sample of the curves of a run (5 Hz).
+/// A sample of the curves of a run: five a second, and fewer in long runs ([`Journal::sample`]).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct CurveSample {
     /// Seconds since the mission began.
@@ -85,6 +85,8 @@ pub struct Journal {
     pub decisions: Vec<DecisionEntry>,
     /// Curves.
     pub curves: Vec<CurveSample>,
+    /// Between two samples of the curves is so much more time than at the beginning: a power of two.
+    pub thinned: u32,
     /// Where the time went.
     pub clock: StageClock,
     /// What people said while it ran, in order.
@@ -93,7 +95,24 @@ pub struct Journal {
     pub notes: Vec<(f64, String)>,
 }
 
+/// More samples than this no picture shows.
+const MOST_SAMPLES: usize = 8192;
+
 impl Journal {
+    /// Adds a sample to the curves. From 8192 on every second one goes and the next ones come half as often, so that a patrol of days
+    /// needs no more memory than one of an hour.
+    pub fn sample(&mut self, sample: CurveSample) {
+        self.curves.push(sample);
+        if self.curves.len() >= MOST_SAMPLES {
+            let mut index = 0;
+            self.curves.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.thinned += 1;
+        }
+    }
+
     /// Tokens sent in all prompts.
     pub fn prompt_tokens(&self) -> usize {
         self.decisions.iter().map(|decision| decision.prompt_tokens).sum()

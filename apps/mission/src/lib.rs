@@ -70,6 +70,7 @@ pub mod steering;
 pub mod stream;
 #[cfg(test)]
 mod test_events;
+pub mod time_histogram;
 pub mod tum;
 #[cfg(feature = "unitree")]
 pub mod unitree;

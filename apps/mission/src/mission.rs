@@ -94,6 +94,8 @@ pub struct Mission {
     /// Whether somebody answers questions.
     pub(crate) may_ask: bool,
     pub(crate) question: Option<Question>,
+    /// Questions about instructions before the present one.
+    pub(crate) asked_before: usize,
     /// In a known building, until the robot knows where in it it stands.
     pub(crate) lost: Option<Box<Lost>>,
 }
@@ -158,6 +160,7 @@ impl Mission {
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
             may_ask: false,
             question: None,
+            asked_before: 0,
             lost: None,
             config,
         })

@@ -6,12 +6,14 @@ use std::time::Duration;
 use cpu_time::{ProcessTime, ThreadTime};
 use serde::Serialize;
 
+use crate::time_histogram::TimeHistogram;
+
 /// CPU cost of one stage of the loop.
 #[derive(Debug, Clone, Default)]
 struct Stage {
     calls: u64,
     total: Duration,
-    samples_us: Vec<u32>,
+    times: TimeHistogram,
 }
 
 /// Figures of one stage, as they appear in `summary.json`.
@@ -23,6 +25,8 @@ pub struct StageFigures {
     pub cpu_ms_total: f64,
     /// 95th percentile of one call.
     pub cpu_ms_p95: f64,
+    /// 99th percentile of one call.
+    pub cpu_ms_p99: f64,
 }
 
 /// Whose CPU time counts as that of a run.
@@ -90,12 +94,12 @@ impl StageClock {
         let entry = self.stages.entry(stage).or_default();
         entry.calls += 1;
         entry.total += elapsed;
-        entry.samples_us.push(elapsed.as_micros().min(u128::from(u32::MAX)) as u32);
+        entry.times.add(elapsed.as_micros().min(u128::from(u32::MAX)) as u32);
     }
 
-    /// CPU time of every call of a stage so far, microseconds.
-    pub fn samples_us(&self, stage: &str) -> &[u32] {
-        self.stages.get(stage).map_or(&[], |stage| &stage.samples_us)
+    /// CPU times of a stage so far.
+    pub fn times(&self, stage: &str) -> Option<&TimeHistogram> {
+        self.stages.get(stage).map(|stage| &stage.times)
     }
 
     /// Figures of all stages.
@@ -103,13 +107,11 @@ impl StageClock {
         self.stages
             .iter()
             .map(|(name, stage)| {
-                let mut samples = stage.samples_us.clone();
-                samples.sort_unstable();
-                let p95 = samples.get((samples.len() * 95 / 100).min(samples.len().saturating_sub(1))).copied();
                 let figures = StageFigures {
                     calls: stage.calls,
                     cpu_ms_total: stage.total.as_secs_f64() * 1e3,
-                    cpu_ms_p95: f64::from(p95.unwrap_or(0)) / 1e3,
+                    cpu_ms_p95: stage.times.quantile_us(0.95).unwrap_or(0.0) / 1e3,
+                    cpu_ms_p99: stage.times.quantile_us(0.99).unwrap_or(0.0) / 1e3,
                 };
                 ((*name).to_owned(), figures)
             })

@@ -32,7 +32,7 @@ pub enum Control {
     AskMe,
     /// The answer to what the robot asked.
     Answer(String),
-    /// Forget the goal and do this.
+    /// Forget the goal and do this; also for a robot that has done, or given up, what it was told before.
     Instruct(String),
 }
 
@@ -175,7 +175,10 @@ impl Mission {
     /// [`ControlError`]: nothing has changed.
     pub fn control(&mut self, control: &Control, now: Stamp) -> Result<(), ControlError> {
         let done = match control {
-            _ if self.outcome.is_some() || self.is_interrupted() => Err(ControlError::Over),
+            _ if self.is_interrupted() => Err(ControlError::Over),
+            // Who stands where it was sent, or gave up, can be sent on.
+            Control::Instruct(text) => self.instruct(text, now),
+            _ if self.outcome.is_some() => Err(ControlError::Over),
             Control::Pause => self.pause(),
             Control::Resume => self.resume(now),
             Control::Cancel => {
@@ -188,7 +191,6 @@ impl Mission {
             }
             Control::Answer(text) if text.len() > LONGEST_BYTES => Err(ControlError::TooLong),
             Control::Answer(text) => self.hear_answer(text, now),
-            Control::Instruct(text) => self.instruct(text, now),
         };
         self.write_down(control, now, done.err().map(|error| error.to_string()));
         done
@@ -247,6 +249,7 @@ impl Mission {
         if instruction.steps.is_empty() {
             return Err(ControlError::NoGoal);
         }
+        self.outcome = None;
         // What nobody looked for was not seen where the robot has looked.
         if self.names_something_new(&instruction) {
             self.world.coverage.look_again();
@@ -258,6 +261,7 @@ impl Mission {
         self.step_index = 0;
         self.memory = StepMemory::default();
         self.question = None;
+        self.asked_before = self.questions_asked();
         self.unsure = 0;
         self.way_home.forgive();
         if let Some(odometry) = &self.world.odometry {

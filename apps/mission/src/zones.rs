@@ -21,6 +21,7 @@
 use nalgebra::{Isometry2, Isometry3, Point2};
 use planner::{SpeedZone, Zone, ZoneError};
 use serde::Deserialize;
+use serde_json::json;
 use thiserror::Error;
 
 /// What is kept from zones besides: the odometry's error, and that of the body's place between two looks.
@@ -184,6 +185,25 @@ impl Zones {
             zones.speed.push(Slow { name, zone });
         }
         Ok(zones)
+    }
+
+    /// The file that [`Zones::parse`] reads as these zones.
+    pub fn to_json(&self) -> String {
+        let corners = |zone: &Zone| zone.corners().iter().map(|corner| [corner.x, corner.y]).collect::<Vec<_>>();
+        let keep_out = self.keep_out.iter().map(|k| json!({"name": k.name, "corners_m": corners(&k.zone)}));
+        let speed = self.speed.iter().map(
+            |slow| json!({"name": slow.name, "corners_m": corners(&slow.zone.zone), "max_mps": slow.zone.max_mps}),
+        );
+        let frame = match self.frame {
+            ZoneFrame::Start => "start",
+            ZoneFrame::Map => "map",
+        };
+        json!({
+            "frame": frame,
+            "keep_out": keep_out.collect::<Vec<_>>(),
+            "speed": speed.collect::<Vec<_>>(),
+        })
+        .to_string()
     }
 
     /// Whether there is none.

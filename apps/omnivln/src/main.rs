@@ -5,6 +5,7 @@ mod barcode;
 mod bench;
 mod bench_latency;
 mod bench_page;
+mod bench_patrol;
 mod bench_reg;
 mod bench_tiers;
 mod bench_tokens;
@@ -12,6 +13,7 @@ mod dsg;
 mod floor_of_places;
 mod fuse;
 mod json_lines;
+mod judge;
 mod local_model;
 mod map;
 mod memory;
@@ -69,6 +71,8 @@ enum Command {
     PlanGround(plan_ground::PlanGroundOptions),
     /// Which objects sentences mean: the grounder on recorded rooms with labelled boxes, scored
     Refer(refer::ReferOptions),
+    /// Judges a run again, from its truth/ alone
+    Judge(judge::JudgeOptions),
     /// Measures the whole system and its parts
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -78,6 +82,8 @@ enum Command {
 enum BenchCommand {
     /// Many buildings and instructions, drawn from a seed, with the referee's verdicts
     Nav(bench::NavOptions),
+    /// Hours of errands in one building: memory, times, lost tracks
+    Patrol(bench_patrol::PatrolOptions),
     /// The same buildings seen with a rotating and with a fixed LiDAR: objects, directions and surface known
     Coverage(bench::CoverageOptions),
     /// The scene graph after a survey against the truth: objects, places, doorways, relations, groups, ids of rooms
@@ -106,6 +112,8 @@ fn main() -> ExitCode {
         Command::PlanAir(options) => plan_air::run(&options),
         Command::PlanGround(options) => plan_ground::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
+        Command::Judge(options) => judge::run(&options),
+        Command::Bench(BenchCommand::Patrol(options)) => bench_patrol::run(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),
         Command::Bench(BenchCommand::Map(options)) => bench::map(&options),
         Command::Bench(BenchCommand::Tokens(options)) => bench_tokens::run(&options),

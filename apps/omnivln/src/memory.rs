@@ -7,6 +7,11 @@ pub fn peak_rss_mib() -> Option<f64> {
     of_status("VmHWM:")
 }
 
+/// Held now, MiB.
+pub fn rss_mib() -> Option<f64> {
+    of_status("VmRSS:")
+}
+
 /// Runs some work; what it took at its peak beyond what there was before, bytes.
 pub fn peak_extra_bytes<T>(work: impl FnOnce() -> T) -> (T, Option<f64>) {
     // "5" sets the peak back to what is held now.

@@ -127,6 +127,33 @@ pub enum RoomKind {
 }
 
 impl RoomKind {
+    /// Every kind.
+    pub const ALL: [RoomKind; 18] = [
+        RoomKind::Hallway,
+        RoomKind::Corridor,
+        RoomKind::Stairwell,
+        RoomKind::LivingRoom,
+        RoomKind::Kitchen,
+        RoomKind::DiningRoom,
+        RoomKind::Bedroom,
+        RoomKind::Bathroom,
+        RoomKind::Study,
+        RoomKind::Restroom,
+        RoomKind::LaundryRoom,
+        RoomKind::StorageRoom,
+        RoomKind::Office,
+        RoomKind::MeetingRoom,
+        RoomKind::Lab,
+        RoomKind::PrintRoom,
+        RoomKind::Lounge,
+        RoomKind::Reception,
+    ];
+
+    /// The kind with this [`RoomKind::name`].
+    pub fn from_name(name: &str) -> Option<RoomKind> {
+        RoomKind::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
     /// The plain name, for example `"meeting room"`.
     pub fn name(self) -> &'static str {
         match self {
