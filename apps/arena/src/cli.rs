@@ -11,6 +11,7 @@ use mission::rig::{BUILTIN_RIGS, Rig, builtin_rig};
 use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
 use mission::zones::{ZoneFrame, Zones, ZonesError};
 
+use crate::instructions::Answers;
 use crate::options::Options;
 use crate::orders::Orders;
 use crate::progress::ProgressView;
@@ -89,7 +90,9 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
-    let orders = Orders::open(options.commands.as_deref(), options.quiet)?;
+    let answers = options.answers.as_deref().map(Answers::open).transpose()?.unwrap_or_default();
+    let answers = answers.about(&scene_name, &options.instruction);
+    let orders = Orders::open(options.commands.as_deref(), options.quiet)?.with_answers(answers);
     let mut vehicle = open_vehicle(options, &robot, &start, &stop, &mut config)?;
 
     // Everything that can be refused has been: only now is anything written.

@@ -113,6 +113,11 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub commands: Option<PathBuf>,
 
+    /// Somebody answers when the robot asks which of several things is meant: lines {"text": "find the mug", "answer": "the one near the
+    /// sink"}. Without it who types at the terminal is asked, and where nobody does, it goes to any
+    #[arg(long, value_name = "FILE")]
+    pub answers: Option<PathBuf>,
+
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
     pub people: u32,

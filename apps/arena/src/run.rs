@@ -277,6 +277,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
     }
     let (mut settle_s, mut lost_s, mut last_activity, mut next_report_s) = (0.0, 0.0, String::new(), 0.0);
+    let mut shown = 0; // questions
     loop {
         let now_s = simulation.seconds();
         if let Some(vehicle) = &mut vehicle {
@@ -289,7 +290,18 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         let seen = config.cpu_scope.now();
         mission.perceive(events);
         let now = simulation.now();
-        while let Some(control) = orders.next(mission.seconds(now), settle_s >= SETTLE_S) {
+        if vehicle.is_none() {
+            // The simulated world waits with the robot for somebody who types, and has been shown the question.
+            if mission.questions_asked() > shown {
+                shown = mission.questions_asked();
+                report(&Progress { sim_s: now_s, activity: mission.activity(), is_news: true, ..Progress::of(&mission) });
+            }
+            orders.wait_for_answer(&mission, stop);
+        }
+        while let Some(control) =
+            orders.next(mission.seconds(now), settle_s >= SETTLE_S).or_else(|| orders.answer(&mission))
+        {
+            let control = mission.understood(control);
             // Who is at rest has done what it was told, or given it up: that is judged before it hears the next.
             let errand = mission.is_over().then(|| {
                 finish(&mut truth, &mission, &task, &simulation, is_timeout, config.max_time_s);
@@ -434,6 +446,7 @@ fn finish(
     max_time_s: f64,
 ) {
     truth.touches = simulation.touches().to_vec();
+    truth.questions = mission.questions_about_this();
     truth.ending = match (&mission.outcome, mission.cancelled_s()) {
         (_, Some(t_s)) => {
             let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };

@@ -47,6 +47,9 @@ struct TaskFile {
     ending: Ending,
     trouble: Option<String>,
     errands: Vec<Errand>,
+    /// How often the robot asked which of several things is meant.
+    #[serde(default)]
+    questions: usize,
     end_s: f64,
 }
 
@@ -98,6 +101,7 @@ pub fn write_truth(folder: &RunFolder, result: &RunResult, building: &Building) 
         ending: truth.ending.clone(),
         trouble: truth.trouble.clone(),
         errands: truth.errands.clone(),
+        questions: truth.questions,
         end_s: result.summary.sim_s,
     };
     json("task.json", serde_json::to_vec_pretty(&task)?)?;
@@ -159,6 +163,7 @@ pub fn judge(run: &Path) -> Result<Judgement> {
         ending: task.ending,
         trouble: task.trouble,
         errands: task.errands,
+        questions: task.questions,
     };
     let Some((_, start)) = truth.poses.first() else { bail!("{} holds no pose", folder.display()) };
     let world = World::of_building(&building).context("making the world of truth/building.ply")?;

@@ -92,6 +92,8 @@ pub struct TruthLog {
     pub trouble: Option<String>,
     /// Errands before the judged one.
     pub errands: Vec<Errand>,
+    /// How often the robot asked which of several things is meant.
+    pub questions: usize,
 }
 
 /// What the referee says of a step that the robot declared done.
@@ -151,7 +153,12 @@ impl TruthLog {
 /// Judges. `referee` knows building, robot and start; `footprint` is the robot's outline in its own frame, for the zones.
 pub fn verdict(truth: &TruthLog, task: &Task, referee: &Referee, footprint: &[Point2<f64>]) -> Verdict {
     let steps: Vec<StepVerdict> = truth.declared.iter().map(|declared| judge_step(declared, task, referee)).collect();
-    let (mut success, mut reason) = outcome(truth, task, &steps);
+    let plain = outcome(truth, task, &steps);
+    let gave_up = match &truth.ending {
+        Ending::GaveUp { reason } => Some(reason.as_str()),
+        _ => None,
+    };
+    let (mut success, mut reason) = task.rule.judge(&task.text, plain, gave_up, truth.questions);
     if let Some(trouble) = &truth.trouble {
         (success, reason) = (false, trouble.clone());
     }

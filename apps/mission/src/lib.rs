@@ -14,6 +14,7 @@ mod air_checks;
 pub mod alignment;
 pub mod approach;
 pub mod archive;
+pub mod asking;
 pub mod autopilot;
 pub mod blind_spot;
 pub mod body;

@@ -7,6 +7,7 @@ use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
 use robot_model::RobotModel;
 
 use crate::acting::{StepMemory, Target};
+use crate::asking::Question;
 use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
@@ -103,6 +104,11 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// Whether somebody answers questions.
+    pub(crate) may_ask: bool,
+    pub(crate) question: Option<Question>,
+    /// Questions about instructions before the present one.
+    pub(crate) asked_before: usize,
     /// In a known building, until the robot knows where in it it stands.
     pub(crate) lost: Option<Box<Lost>>,
 }
@@ -168,6 +174,9 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            may_ask: false,
+            question: None,
+            asked_before: 0,
             lost: None,
             config,
         })
@@ -254,6 +263,9 @@ impl Mission {
 
     /// One line for people: what it is doing now.
     pub fn activity(&self) -> String {
+        if let (None, false, Some(question)) = (&self.outcome, self.is_interrupted, &self.question) {
+            return question.which.text.clone();
+        }
         match &self.outcome {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),

@@ -231,7 +231,9 @@ impl Mission {
             Ok(()) => {
                 entry.verdicts.push("accepted".into());
                 self.journal.decisions.push(entry);
-                self.act(action, t_s);
+                if !self.asks_first(&action, &now, t_s) {
+                    self.act(action, t_s);
+                }
             }
             Err(critique) => {
                 entry.verdicts.push(format!("rejected at revision {}: {}", now.graph.revision(), critique.message));
@@ -288,6 +290,7 @@ impl Mission {
             is_fallback: record.is_fallback,
             confidence: reply.map_or(0.0, |reply| reply.confidence),
             pose,
+            question: None,
         }
     }
 }

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 use anyhow::Result;
 use arena::bench_coverage::{BenchCoverage, Coverage, bench_coverage};
 use arena::bench_map::{BenchMap, bench_map};
-use arena::bench_nav::{BenchNav, bench_nav};
+use arena::bench_nav::{BenchNav, Given, bench_nav};
 use arena::cli::{load_robot, stop_at_ctrl_c};
+use arena::instructions::{Answers, open_instructions};
 use arena::map_score::MapScore;
 use arena::map_score::ratio::{Ratio, Spread};
 use arena::mission::robot_model::RobotKind;
@@ -66,8 +67,7 @@ struct SceneOptions {
 
 impl SceneOptions {
     /// The scenes to run: all, or those asked for.
-    fn indices(&self) -> Result<Vec<usize>> {
-        let scenes = self.scenes;
+    fn indices(&self, scenes: usize) -> Result<Vec<usize>> {
         anyhow::ensure!(scenes > 0, "--scenes must be at least 1");
         if let Some(index) = self.only.iter().find(|index| **index >= scenes) {
             anyhow::bail!("--only {index}: there are {scenes} scenes, numbered from 0");
@@ -105,13 +105,25 @@ pub struct NavOptions {
     /// The robot has surveyed each building before, and does not know where in it it stands
     #[arg(long)]
     known: bool,
+    /// Run the instructions of FILE instead of drawn ones, a JSON object a line: {"scene": "flat"|17, "text": "...", "targets": [ids of
+    /// true objects; none: there is no such thing, and the robot must say so], "kind": "typo"}; also "rooms", "steps", "start", "seed"
+    /// (documentation of arena::instructions)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scenes", "seed"])]
+    instructions: Option<PathBuf>,
+    /// Somebody answers when the robot asks which one is meant: lines {"scene": 17, "text": "...", "answer": "the one near the sink"}
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
 }
 
 /// Runs the bench and prints its table or its JSON.
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let asked = &options.scenes;
     let kind = RobotKind::from(asked.robot);
-    let indices = asked.indices()?;
+    let robot = load_robot(asked.urdf.as_deref(), kind)?;
+    let instructions = options.instructions.as_deref().map(|path| open_instructions(path, &robot)).transpose()?;
+    let answers = options.answers.as_deref().map(Answers::open).transpose()?;
+    let indices = asked.indices(instructions.as_ref().map_or(asked.scenes, Vec::len))?;
+    let given = Given { instructions: instructions.as_deref(), answers: answers.as_ref() };
     let max_time_s = options.max_time;
     anyhow::ensure!(
         max_time_s.is_finite() && max_time_s > 0.0,
@@ -120,14 +132,16 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let mut config = RunConfig { max_time_s, ..asked.config()? };
     config.simulation.crowd.people = options.people;
     config.simulation.crowd.heeds_robot = !options.heedless;
-    let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
     let (keep, known) = (asked.keep.as_deref(), options.known);
-    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, known, keep, asked.quiet, &stop)?;
+    let result = bench_nav(&robot, kind, &indices, given, asked.seed, &config, known, keep, asked.quiet, &stop)?;
     if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
         print_table(&indices, &result);
+        if options.instructions.is_some() {
+            print_kinds(&result);
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -175,6 +189,15 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         result.realtime_factor,
         result.wall_s
     );
+}
+
+fn print_kinds(result: &BenchNav) {
+    arena::say!("\nkind                  n  right   rate  95 %             SPL");
+    for (kind, figures) in &result.by_kind {
+        let spl = figures.spl.map_or("-".to_owned(), |spl| format!("{spl:.2}"));
+        let [low, high] = figures.wilson_95;
+        arena::say!("{kind:18} {:4} {:6} {:6.3}  {low:.3} to {high:.3}  {spl}", figures.n, figures.right, figures.rate);
+    }
 }
 
 /// Options of `bench coverage`.
@@ -243,7 +266,7 @@ pub struct MapOptions {
 pub fn map(options: &MapOptions) -> Result<ExitCode> {
     let asked = &options.scenes;
     let kind = RobotKind::from(asked.robot);
-    let (indices, config) = (asked.indices()?, asked.config()?);
+    let (indices, config) = (asked.indices(asked.scenes)?, asked.config()?);
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
     let result = bench_map(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;

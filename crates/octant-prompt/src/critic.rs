@@ -110,6 +110,11 @@ impl Critic {
         {
             return object(CritiqueCode::Repeat, "This was tried and failed.".into());
         }
+        if let (Some(meant), Some(other)) = (situation.meant, action.object())
+            && meant != other
+        {
+            return object(CritiqueCode::TargetMismatch, format!("A person said that {meant} is meant."));
+        }
         match action {
             Action::TurnTo(_) if situation.last_action == Some(action) => {
                 object(CritiqueCode::Repeat, "You just turned there; choose another action.".into())
