@@ -78,6 +78,7 @@ pub mod contact;
 pub mod crowd;
 pub mod door_leaves;
 pub mod doors;
+pub mod earlier;
 pub mod encoder;
 pub mod equirect;
 pub mod fisheye;
