@@ -60,6 +60,7 @@ pub mod relation_verifier;
 mod returning;
 pub mod rig;
 pub mod rooms;
+pub mod route_plan;
 pub mod scan_queue;
 pub mod segmentation_files;
 pub mod segmented;

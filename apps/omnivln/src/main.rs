@@ -1,6 +1,7 @@
 //! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, find rooms in plans, run benches.
 
 mod ask;
+mod ask_plan;
 mod barcode;
 mod bench;
 mod bench_latency;
