@@ -346,6 +346,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             let map_from_body = odometry.world_from_body;
             postures.push(Posture { t_s: simulation.seconds(), map_from_body, joints });
         }
+        if has_scan && truth.first_sighting_s.is_none() && sees_any(&simulation, task.targets()) {
+            truth.first_sighting_s = Some((simulation.now().0 - truth.heard_ns) as f64 * 1e-9);
+        }
         if mission.world.odometry.is_some() && !mission.has_pose() {
             lost_s += STEP_NS as f64 * 1e-9;
         }
@@ -414,6 +417,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         sim_s: simulation.seconds(),
         wall_s: wall.elapsed().as_secs_f64(),
         cpu_s: cpu.elapsed().as_secs_f64(),
+        turned_in_place_rad: verdict.turned_in_place_rad,
+        first_sighting_s: truth.first_sighting_s,
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
@@ -434,6 +439,12 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     };
     let body = robot_truth(robot, config.mission.flight_height_m);
     Ok(RunResult { summary, task, mission, truth, verdict, body, postures })
+}
+
+/// Whether ten points have met one of these things so far.
+fn sees_any(simulation: &Simulation, ids: &[u32]) -> bool {
+    const POINTS: u64 = 10;
+    ids.iter().any(|id| simulation.lidar_points_on().get(id).is_some_and(|points| *points >= POINTS))
 }
 
 /// How it ended, and the last step where the robot came to rest.
