@@ -41,6 +41,7 @@ pub mod report;
 pub mod run;
 pub mod rule;
 pub mod run_folder;
+pub mod run_setup;
 pub mod say;
 pub mod scenario;
 pub mod simulation;
