@@ -54,7 +54,7 @@ impl Mission {
                 // Who came to look for something looks round first, if it has to turn for that.
                 if matches!(self.target, Target::Action(Action::Explore(_))) && !self.sees_all_round() && !self.has_looked {
                     self.has_looked = true;
-                    self.look_round();
+                    self.look_round(t_s);
                     return false;
                 }
                 self.has_looked = false;
