@@ -65,7 +65,7 @@ pub struct SimulationConfig {
 
 impl SimulationConfig {
     /// Takes the sensors' numbers from a rig.
-    fn carry(&mut self, rig: &Rig) {
+    pub(crate) fn carry(&mut self, rig: &Rig) {
         let (lidar, view) = (&rig.lidar, rig.camera());
         self.lidar.beams = lidar.beams;
         self.lidar.columns = lidar.columns;

@@ -26,6 +26,7 @@ pub mod cycle;
 pub mod drive;
 pub mod emergency;
 pub mod error;
+pub mod event_log;
 pub mod flanks;
 pub mod flight_limits;
 pub mod fly;

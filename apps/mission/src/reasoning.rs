@@ -6,7 +6,7 @@
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use octant_prompt::vocabulary::{Class, class_similarity};
-use octant_prompt::{Action, Attempt, CritiqueCode, Estimate, Reasoner, SymbolicReasoner, TokenCounter};
+use octant_prompt::{Action, Attempt, Critique, CritiqueCode, Estimate, Prompt, Reasoner, ReasonerError, Reply, Situation, SymbolicReasoner, TokenCounter, parse_reply};
 
 use crate::acting::Target;
 use crate::goal::{Goal, GoalStatus};
@@ -29,6 +29,8 @@ pub struct Pending {
 enum Waiting {
     /// The embedded reasoner has answered; the answer counts from this time on.
     Due(f64, Box<Answer>),
+    /// In an earlier run nobody waited for the answer.
+    Never,
     /// A model is thinking in another thread; it gives itself back with the answer.
     Thread(Receiver<(Box<dyn Reasoner + Send>, Answer)>),
 }
@@ -52,7 +54,7 @@ impl Mission {
                 // Who came to look for something looks round first, if it has to turn for that.
                 if matches!(self.target, Target::Action(Action::Explore(_))) && !self.sees_all_round() && !self.has_looked {
                     self.has_looked = true;
-                    self.look_round();
+                    self.look_round(t_s);
                     return false;
                 }
                 self.has_looked = false;
@@ -143,6 +145,16 @@ impl Mission {
                 self.reasoner = Some(Mind::Embedded(reasoner));
                 Waiting::Due(due_s, Box::new(answer))
             }
+            Some(Mind::Recorded(recorded)) => {
+                let (critic, config) = (&self.critic, &self.config);
+                // A question whose answer nobody wanted any more has none.
+                let waiting = recorded.iter().find(|decision| (decision.asked_s - t_s).abs() < 1e-6).map(|decision| {
+                    let mut reasoner = Recorded { name: &decision.name, replies: decision.replies.iter() };
+                    Waiting::Due(decision.decided_s, Box::new(snapshot.decide(&mut reasoner, critic, config)))
+                });
+                self.reasoner = Some(Mind::Recorded(recorded));
+                waiting.unwrap_or(Waiting::Never)
+            }
             Some(Mind::Remote(mut reasoner)) => {
                 let (sender, receiver) = std::sync::mpsc::channel();
                 let (critic, config) = (self.critic.clone(), self.config.clone());
@@ -178,7 +190,7 @@ impl Mission {
         let Pending { asked_s, revision, pose, answer, is_dropped } = pending;
         let answer = match answer {
             Waiting::Due(due_s, answer) if t_s >= due_s => *answer,
-            Waiting::Due(..) => {
+            Waiting::Due(..) | Waiting::Never => {
                 self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                 return;
             }
@@ -301,4 +313,38 @@ pub enum Mind {
     Embedded(Box<dyn Reasoner + Send>),
     /// Takes its time in another thread.
     Remote(Box<dyn Reasoner + Send>),
+    /// Says what it said in an earlier run, and when: for its replay.
+    Recorded(Vec<RecordedDecision>),
+}
+
+/// What a model said to one question of an earlier run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedDecision {
+    /// When it was asked.
+    pub asked_s: f64,
+    /// When the answer came in.
+    pub decided_s: f64,
+    /// Its replies, one for each try; `None` where none came or it could not be read.
+    pub replies: Vec<Option<String>>,
+    /// Its name.
+    pub name: String,
+}
+
+/// The replies of one decision.
+struct Recorded<'a> {
+    name: &'a str,
+    replies: std::slice::Iter<'a, Option<String>>,
+}
+
+impl Reasoner for Recorded<'_> {
+    fn decide(&mut self, _: &Situation, prompt: &Prompt, _: &[Critique]) -> Result<Reply, ReasonerError> {
+        match self.replies.next() {
+            Some(Some(text)) => Ok(parse_reply(text, &prompt.names)?),
+            Some(None) | None => Err(ReasonerError::Unreachable),
+        }
+    }
+
+    fn name(&self) -> &str {
+        self.name
+    }
 }
