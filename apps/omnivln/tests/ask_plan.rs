@@ -142,7 +142,7 @@ fn room_at(grid: &OccupancyGrid, point: &Point2<f64>) -> f64 {
 }
 
 fn two_rooms() -> impl Strategy<Value = TwoRooms> {
-    let column = prop_oneof![[0.3..3.6_f64, 0.3..0.9_f64], [5.0..7.6_f64, 3.1..3.8_f64]];
+    let column = prop_oneof![[0.3..2.4_f64, 0.3..0.9_f64], [5.8..7.6_f64, 3.3..3.8_f64]];
     let mug = [6.0..7.4_f64, 0.4..2.6_f64];
     (0.75..1.4_f64, 1.0..3.0_f64, mug, prop::collection::vec(column, 0..3))
         .prop_map(|(door_m, door_y, mug, columns)| TwoRooms { door_m, door_y, mug, columns })
