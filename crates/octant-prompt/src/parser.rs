@@ -16,7 +16,7 @@ use crate::instruction::{
     View, ViewKind,
 };
 use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens, tokens_of, words};
-use crate::purpose::{Also, named};
+use crate::purpose::{Also, named, said_anywhere};
 use crate::spelling::respelled;
 use crate::vocabulary::{Class, canonical, is_known, singular_phrase};
 
@@ -54,6 +54,15 @@ pub fn parse_instruction(text: &str) -> Instruction {
         }
     }
     leave_out_talk(&mut steps, &are_said);
+    let is_lost = |step: &Step| step.kind == StepKind::FindObject && !is_known(&step.goal.class) && step.goal.relations.is_empty();
+    if steps.iter().all(is_lost)
+        && let Some(reading) = said_anywhere(&words)
+    {
+        // "I want coffee"
+        let goal = Referring { class: Class::new(&reading.meant), ..Referring::default() };
+        steps = vec![Step { kind: StepKind::FindObject, goal }];
+        readings.push(reading);
+    }
     resolve_pronouns(&mut steps);
     for step in &mut steps {
         visit_mut(&mut step.goal, &mut |goal| keep_what_was_said(&mut goal.class, &readings, &also));

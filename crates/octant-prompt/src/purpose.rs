@@ -21,7 +21,8 @@ const OPENINGS: [&str; 24] = [
     "used", "whose", "they", "it", "used", "meant",
 ];
 /// Wishes, before their verb.
-const WISHES: [&str; 28] = [
+const WISHES: [&str; 31] = [
+    "id love to", "i would love to", "i wish to",
     "i want to", "i need to", "i have to", "i would like to", "id like to", "i must", "i wanna", "i want a", "we want to", "we need to",
     "we have to", "where can i", "where could i", "where do i", "where do you", "where does one", "where can one", "where can you", "let me",
     "i gotta", "i am going to", "i like to", "what can i", "what could i", "what do i", "with what can i", "where do we", "where can we",
@@ -59,6 +60,12 @@ pub(crate) fn named(words: Vec<String>) -> (Vec<String>, Vec<Reading>, Also) {
         at = rest.1;
     }
     (out, readings, also)
+}
+
+/// The class of a use that is said anywhere, in two words or more: for a text in which no grammar finds a thing that anybody knows.
+pub(crate) fn said_anywhere(words: &[String]) -> Option<Reading> {
+    let (row, hits) = best(&TABLE, words).filter(|(_, hits)| *hits >= 2)?;
+    Some(Reading { said: words.join(" "), meant: row.class.clone(), confidence: confidence(hits) })
 }
 
 struct Named {
@@ -121,7 +128,9 @@ fn wish(words: &[String], at: usize) -> Option<Named> {
     if names_a_thing {
         return None;
     }
-    let (row, hits) = best(&TABLE, clause)?;
+    // "my clothes are dirty, where can I wash them?"
+    let elsewhere = || if clause.iter().any(|word| is_name(word)) { None } else { best(&TABLE, words) };
+    let (row, hits) = best(&TABLE, clause).or_else(elsewhere)?;
     let rest = place_in(clause);
     let said = (words[at..end].join(" "), confidence(hits));
     Some(Named { class: row.class.clone(), others: row.others.clone(), said, rest: (rest, end), is_wish: true })
