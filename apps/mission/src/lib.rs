@@ -57,6 +57,8 @@ pub mod relation_verifier;
 mod returning;
 pub mod rig;
 pub mod rooms;
+#[cfg(test)]
+mod same_mind;
 pub mod scan_queue;
 pub mod segmentation_files;
 pub mod segmented;
