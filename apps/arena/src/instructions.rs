@@ -20,6 +20,7 @@ use mission::robot_model::RobotModel;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
+use crate::intervals::wilson_95;
 use crate::referee::Referee;
 use crate::rule::Rule;
 use crate::scenario::{Scenario, Scene, draw_start, pose_at, robot_truth};
@@ -257,19 +258,6 @@ pub fn by_kind(runs: &[Summary]) -> BTreeMap<String, KindFigures> {
     kinds.into_iter().map(|(kind, runs)| (kind, figures(runs))).collect()
 }
 
-/// Wilson's interval of a share: Wilson, J. Am. Stat. Assoc. 22 (1927) 209, with z = 1.96. Everything is possible where nothing was counted.
-pub fn wilson_95(right: usize, n: usize) -> [f64; 2] {
-    const Z: f64 = 1.959_963_984_540_054;
-    if n == 0 {
-        return [0.0, 1.0];
-    }
-    let (n, p) = (n as f64, right as f64 / n as f64);
-    let middle = p + Z * Z / (2.0 * n);
-    let half = Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-    let scale = 1.0 + Z * Z / n;
-    [((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -309,12 +297,4 @@ mod tests {
         assert!(answers.about("flat", "find the cup").is_empty());
     }
 
-    #[test]
-    fn the_interval_of_wilson() {
-        // Newcombe, Statistics in Medicine 17 (1998) 857, table I: 81 of 263 and 0 of 20.
-        let near = |[low, high]: [f64; 2], [a, b]: [f64; 2]| (low - a).abs() < 5e-5 && (high - b).abs() < 5e-5;
-        assert!(near(wilson_95(81, 263), [0.2553, 0.3662]));
-        assert!(near(wilson_95(0, 20), [0.0, 0.1611]));
-        assert_eq!(wilson_95(0, 0), [0.0, 1.0]);
-    }
 }

@@ -4,6 +4,8 @@
 //! [`record::record`] takes a robot on a tour instead and leaves a bag of ROS 2 with masks, truth and tasks.
 //! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
 
+pub mod arms;
+pub mod bench_arms;
 pub mod bench_coverage;
 pub mod bench_map;
 pub mod bench_nav;
@@ -16,6 +18,7 @@ pub mod drift;
 pub mod estimate_frame;
 pub mod flight_options;
 pub mod instructions;
+pub mod intervals;
 pub mod known_building;
 pub mod lab_survey;
 pub mod legs;
@@ -38,6 +41,7 @@ pub mod report;
 pub mod run;
 pub mod rule;
 pub mod run_folder;
+pub mod run_setup;
 pub mod say;
 pub mod scenario;
 pub mod simulation;

@@ -1,6 +1,8 @@
 //! One run: a mission in the simulator, from its first look to its stop, with the referee's verdict.
 
-use std::path::Path;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -8,6 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use mission::archive::Known;
 use mission::config::MissionConfig;
+use mission::event_log::EventLogWriter;
 use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
@@ -50,6 +53,8 @@ pub struct RunConfig {
     pub llm: Option<ChatConfig>,
     /// A service that segments the pictures instead of the simulated segmenter.
     pub segmenter: Option<HttpSegmenterConfig>,
+    /// What the mission perceives goes into this file, bit for bit ([`mission::event_log`]).
+    pub events_to: Option<PathBuf>,
     /// The robot's postures are kept, for pictures that move; default only with the feature `viz`.
     pub keeps_postures: bool,
     /// Whose CPU time the summary gives.
@@ -107,6 +112,7 @@ impl Default for RunConfig {
             max_time_s: 600.0,
             llm: None,
             segmenter: None,
+            events_to: None,
             keeps_postures: cfg!(feature = "viz"),
             cpu_scope: CpuScope::Process,
             truth_from_known: None,
@@ -232,10 +238,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
 
     // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
     // where in the building that is, nobody on the robot's side knows.
-    let start_in_map = match known.as_ref().and_then(|known| known.start) {
-        Some(start) => start,
-        None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
-    };
+    let start_in_map = start_in_map(known.as_ref(), robot);
     let truth_from_zones = match config.mission.zones.frame {
         ZoneFrame::Start => Some(*start),
         ZoneFrame::Map => config.truth_from_known,
@@ -276,6 +279,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     if let Err(why @ GaitError::OtherKindOfLeg { .. }) = simulation.legs() {
         mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
     }
+    let mut log = config.events_to.as_deref().map(open_log).transpose()?;
     let (mut settle_s, mut lost_s, mut last_activity, mut next_report_s) = (0.0, 0.0, String::new(), 0.0);
     let mut shown = 0; // questions
     loop {
@@ -286,6 +290,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             simulation.tell_charge(vehicle.charge());
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
+        if let Some(log) = &mut log {
+            log_cycle(log, &events, simulation.now()).context("keeping what the sensors said")?;
+        }
         let has_scan = events.iter().any(|event| matches!(event, SensorEvent::Scan(_)));
         let seen = config.cpu_scope.now();
         mission.perceive(events);
@@ -346,6 +353,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             let map_from_body = odometry.world_from_body;
             postures.push(Posture { t_s: simulation.seconds(), map_from_body, joints });
         }
+        if has_scan && truth.first_sighting_s.is_none() && sees_any(&simulation, task.targets()) {
+            truth.first_sighting_s = Some((simulation.now().0 - truth.heard_ns) as f64 * 1e-9);
+        }
         if mission.world.odometry.is_some() && !mission.has_pose() {
             lost_s += STEP_NS as f64 * 1e-9;
         }
@@ -378,6 +388,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
     }
 
+    if let Some(log) = log {
+        log.finish().context("keeping what the sensors said")?;
+    }
     let end_s = simulation.seconds();
     let unused = mission.unused();
     mission.journal.notes.extend(unused.into_iter().map(|sentence| (end_s, sentence)));
@@ -414,6 +427,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         sim_s: simulation.seconds(),
         wall_s: wall.elapsed().as_secs_f64(),
         cpu_s: cpu.elapsed().as_secs_f64(),
+        turned_in_place_rad: verdict.turned_in_place_rad,
+        first_sighting_s: truth.first_sighting_s,
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
@@ -434,6 +449,28 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     };
     let body = robot_truth(robot, config.mission.flight_height_m);
     Ok(RunResult { summary, task, mission, truth, verdict, body, postures })
+}
+
+/// Where the robot's odometry begins: at the robot, unless a person says where in a known map it starts.
+pub(crate) fn start_in_map(known: Option<&Known>, robot: &RobotModel) -> Isometry3<f64> {
+    let said = known.and_then(|known| known.start);
+    said.unwrap_or_else(|| Isometry3::translation(0.0, 0.0, robot.stance_height_m))
+}
+
+fn open_log(path: &Path) -> Result<EventLogWriter<BufWriter<File>>> {
+    let file = File::create(path).with_context(|| format!("writing {}", path.display()))?;
+    EventLogWriter::new(BufWriter::new(file)).with_context(|| format!("writing {}", path.display()))
+}
+
+fn log_cycle(log: &mut EventLogWriter<BufWriter<File>>, events: &[SensorEvent], now: Stamp) -> std::io::Result<()> {
+    events.iter().try_for_each(|event| log.event(event))?;
+    log.cycle(now)
+}
+
+/// Whether ten points have met one of these things so far.
+fn sees_any(simulation: &Simulation, ids: &[u32]) -> bool {
+    const POINTS: u64 = 10;
+    ids.iter().any(|id| simulation.lidar_points_on().get(id).is_some_and(|points| *points >= POINTS))
 }
 
 /// How it ended, and the last step where the robot came to rest.

@@ -163,6 +163,7 @@ pub fn judge(run: &Path) -> Result<Judgement> {
         ending: task.ending,
         trouble: task.trouble,
         errands: task.errands,
+        first_sighting_s: None,
         questions: task.questions,
     };
     let Some((_, start)) = truth.poses.first() else { bail!("{} holds no pose", folder.display()) };

@@ -10,6 +10,8 @@ use nalgebra::{Point2, Vector2};
 use rustc_hash::{FxHashMap, FxHashSet};
 use volumetric_map::{Cell, OccupancyGrid};
 
+use crate::goal::wrap;
+
 /// How coverage is judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoverageConfig {
@@ -99,12 +101,20 @@ impl Coverage {
 
     /// Marks what the camera at `eye` sees on `slice`: every cell within range that no occupied or unknown cell hides.
     pub fn look(&mut self, eye: &Point2<f64>, slice: &OccupancyGrid) {
+        self.look_in_sector(eye, 0.0, std::f64::consts::TAU, slice);
+    }
+
+    /// The same for a camera that looks `heading_rad`, with a field of view of `view_rad`.
+    pub fn look_in_sector(&mut self, eye: &Point2<f64>, heading_rad: f64, view_rad: f64, slice: &OccupancyGrid) {
         let range_m = self.config.inspect_range_m;
         let step_m = 0.5 * slice.resolution_m.max(0.05);
         // Neighbouring rays are half a coverage cell apart at full range.
         let rays = (std::f64::consts::TAU * range_m / (0.5 * self.config.cell_m)).ceil() as usize;
         for ray in 0..rays {
             let bearing_rad = std::f64::consts::TAU * ray as f64 / rays as f64;
+            if wrap(bearing_rad - heading_rad).abs() > 0.5 * view_rad {
+                continue;
+            }
             let direction = Vector2::new(bearing_rad.cos(), bearing_rad.sin());
             let mut along_m = 0.0;
             while along_m <= range_m {

@@ -93,7 +93,7 @@ impl Snapshot {
                 situation,
                 &prompt,
                 config.max_retries,
-                &mut SymbolicReasoner::default(),
+                &mut SymbolicReasoner { grounding: critic.grounding.clone() },
             );
             Answer { prompt, record }
         })

@@ -285,6 +285,7 @@ impl Mission {
         self.target = Target::None;
         self.stands_before_target = false;
         self.arrived_s = None;
+        self.looking.left = 0;
         self.body.set_goal(Goal::Stay);
     }
 }

@@ -84,7 +84,7 @@ pub fn candidates(situation: &Situation, config: &GroundingConfig) -> Candidates
     let room = step.goal.room.clone().or_else(|| context_room(situation));
     let rooms = rooms(situation, room.as_ref(), &scene);
     let objects = if step.kind == StepKind::FindObject { objects(situation, &scene, config) } else { Vec::new() };
-    let places = search::places(situation, &scene, &rooms);
+    let places = search::places(situation, &scene, &rooms, config.searches_by_steps);
     let mut out = Candidates { scene, objects, rooms, room, places, chosen: None, equals: Vec::new() };
     (out.chosen, out.equals) = match step.kind {
         StepKind::FindObject => choose_object(situation, &out, config),

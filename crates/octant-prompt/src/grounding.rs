@@ -30,6 +30,9 @@ pub struct GroundingConfig {
     pub accept_while_searching: f64,
     /// Least score of a room that is taken for the one that is named once nothing is left to search. Default 0.12.
     pub accept_at_last: f64,
+    /// Whether a search weighs where such things are usual and what a way would show ([`crate::search`]); if not, the nearest place is next.
+    /// Default true.
+    pub searches_by_steps: bool,
 }
 
 impl Default for GroundingConfig {
@@ -40,6 +43,7 @@ impl Default for GroundingConfig {
             accept_attributes: 0.4,
             accept_while_searching: 0.72,
             accept_at_last: 0.12,
+            searches_by_steps: true,
         }
     }
 }
