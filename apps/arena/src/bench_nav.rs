@@ -223,15 +223,13 @@ fn one_run(
     let sentence = instruction.map_or_else(|| kind_word(&task), |instruction| instruction.kind.clone());
     let answers = given.answers.map_or_else(Vec::new, |answers| answers.about(&scene.name, &task.text));
     let orders = Orders::default().with_answers(answers);
-    let mut facts =
-        Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates, routes };
+    let mut facts = Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates, routes };
     let (scene, task, start) = (&scene, &task, &start);
     let known = match is_known.then(|| survey_of(robot, scene, run_seed, config)).transpose() {
         Ok(known) => known,
         Err(error) => return (failed(format!("the building could not be surveyed: {error:#}")), Some(facts)),
     };
-    let setup =
-        Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None, orders };
+    let setup = Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None, orders };
     let result = run(setup, stop, &mut |_| {});
     let summary = match result {
         Ok(mut result) => {

@@ -77,9 +77,8 @@ fn a_robot_that_was_answered_goes_there_and_a_replay_repeats_it() {
     let colors: Vec<&str> = kettles.iter().map(|kettle| kettle.color.as_str()).collect();
     assert_eq!(colors, ["grey", "black"], "what this test is about");
     let start = start(&scene, &robot, &config, 1);
-    let asked = |orders: Orders| -> RunResult {
-        steered_run(&config, &robot, &scene, "go to the kettle", &start, 1, orders)
-    };
+    let asked =
+        |orders: Orders| -> RunResult { steered_run(&config, &robot, &scene, "go to the kettle", &start, 1, orders) };
     let live = asked(Orders::default().with_answers(vec!["hm?".into(), "the black one".into()]));
     let questions: Vec<_> = live.journal().decisions.iter().filter_map(|decision| decision.question.as_ref()).collect();
     assert_eq!(questions.len(), 2, "{questions:?}");

@@ -173,7 +173,9 @@ fn choose_object(
     let goal = &step.goal;
     if let Some(meant) = situation.meant {
         // Somebody said so; no other will do.
-        let Some(candidate) = known.object(meant).filter(|candidate| candidate.path_m.is_some()) else { return NOTHING };
+        let Some(candidate) = known.object(meant).filter(|candidate| candidate.path_m.is_some()) else {
+            return NOTHING;
+        };
         let choice = Choice { target: Target::Object(meant), confidence: candidate.found.class, is_guess: false };
         return (Some(choice), Vec::new());
     }

@@ -125,7 +125,8 @@ fn cost(word: &[u8], target: &[u8]) -> f64 {
             let (a, b) = (word[i - 1], target[j - 1]);
             let replaced = if a == b { 0.0 } else { slip(a, b) + first(i - 1, j - 1) };
             let too_much = if i > 1 && word[i - 2] == a { DOUBLED } else { if is_vowel(a) { VOWEL } else { 1.0 } };
-            let missing = if j > 1 && target[j - 2] == b { DOUBLED } else { if is_vowel(b) { LEFT_OUT } else { MISSING } };
+            let missing =
+                if j > 1 && target[j - 2] == b { DOUBLED } else { if is_vowel(b) { LEFT_OUT } else { MISSING } };
             let mut least = (rows[i - 1][j - 1] + replaced)
                 .min(rows[i - 1][j] + too_much + first(i - 1, j))
                 .min(rows[i][j - 1] + missing + first(i, j - 1));
@@ -222,7 +223,19 @@ mod tests {
 
     #[test]
     fn words_that_are_other_words_stay() {
-        for text in ["unicorn", "piano", "goat", "boat", "chain", "tower", "coach", "beach", "zorblax", "flux capacitor", "lamb"] {
+        for text in [
+            "unicorn",
+            "piano",
+            "goat",
+            "boat",
+            "chain",
+            "tower",
+            "coach",
+            "beach",
+            "zorblax",
+            "flux capacitor",
+            "lamb",
+        ] {
             assert_eq!(read(text), text);
         }
     }
