@@ -224,7 +224,8 @@ impl Answers {
         let is_asked = |line: &&AnswerLine| {
             line.text.trim() == text.trim() && line.scene.as_ref().is_none_or(|name| name.text() == scene)
         };
-        self.0.iter().filter(is_asked).map(|line| line.answer.clone()).collect()
+        let one_line = |answer: &str| answer.split_whitespace().collect::<Vec<_>>().join(" ");
+        self.0.iter().filter(is_asked).map(|line| one_line(&line.answer)).collect()
     }
 }
 
@@ -296,5 +297,4 @@ mod tests {
         assert_eq!(answers.about("flat", "find the mug"), ["any"]);
         assert!(answers.about("flat", "find the cup").is_empty());
     }
-
 }

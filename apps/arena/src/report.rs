@@ -134,7 +134,9 @@ fn one_decision(page: &mut String, decision: &DecisionEntry) {
         page,
         "<details><summary><b>{:.1} s</b> &nbsp; {} <span class=\"dim\">step {}, {}, {} tokens, confidence {:.2}{}</span></summary>",
         decision.decided_s,
-        escape(&decision.question.as_ref().map_or(decision.action.clone(), |question| format!("asks: {}", question.text))),
+        escape(
+            &decision.question.as_ref().map_or(decision.action.clone(), |question| format!("asks: {}", question.text))
+        ),
         decision.step + 1,
         escape(&decision.reasoner),
         decision.prompt_tokens,

@@ -40,8 +40,7 @@ impl Rule {
 fn names_what_is_missing(reason: &str, text: &str) -> bool {
     let Some((_, rest)) = reason.split_once("There is no ") else { return false };
     let missing = rest.split(" here").next().unwrap_or(rest).to_lowercase();
-    let said: Vec<String> =
-        text.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(str::to_owned).collect();
+    let said: Vec<String> = text.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(str::to_owned).collect();
     let mut words = missing.split(|c: char| !c.is_alphanumeric()).filter(|word| word.len() > 2 && *word != "the");
     words.any(|word| said.iter().any(|other| other == word || other.strip_suffix('s') == Some(word)))
 }
@@ -63,7 +62,8 @@ mod tests {
 
     #[test]
     fn who_does_not_ask_is_lucky_and_not_right() {
-        let judge = |plain: bool, questions| Rule::AskAndReach.judge("the mug", (plain, "plain".into()), None, questions).0;
+        let judge =
+            |plain: bool, questions| Rule::AskAndReach.judge("the mug", (plain, "plain".into()), None, questions).0;
         assert!(judge(true, 1) && !judge(true, 0) && !judge(false, 1));
         assert!(Rule::Reach.judge("the mug", (true, "plain".into()), None, 0).0);
     }

@@ -8,7 +8,9 @@ use dsg::ObjectId;
 use nalgebra::Point3;
 use octant_prompt::lexicon::{Mark, tokens};
 use octant_prompt::vocabulary::{Class, class_similarity};
-use octant_prompt::{Action, Meant, Referring, Target, WhichOne, candidates, parse_instruction, read_answer, which_one};
+use octant_prompt::{
+    Action, Meant, Referring, Target, WhichOne, candidates, parse_instruction, read_answer, which_one,
+};
 use omni_perception::Stamp;
 use serde::Serialize;
 
@@ -72,7 +74,8 @@ impl Mission {
     /// What a line means while a question waits: an answer to it, unless it names another thing to go to.
     pub fn understood(&self, control: Control) -> Control {
         let (Some(_), Control::Instruct(text)) = (&self.question, &control) else { return control };
-        let is_order = tokens(text, &|_| false).first().is_some_and(|first| matches!(first.mark, Mark::Verb | Mark::Enter));
+        let is_order =
+            tokens(text, &|_| false).first().is_some_and(|first| matches!(first.mark, Mark::Verb | Mark::Enter));
         let names_a_thing = parse_instruction(text).steps.first().is_some_and(|step| !step.goal.class.is_wildcard());
         if is_order && names_a_thing { control } else { Control::Answer(text.clone()) }
     }
@@ -174,7 +177,8 @@ impl Mission {
         let again: Vec<ObjectId> = again.into_iter().filter(|id| self.world.graph.object(*id).is_some()).collect();
         if self.memory.questions >= MOST_QUESTIONS || again.is_empty() {
             self.note_answer(&question, Some(text), "not understood".into());
-            let class = self.instruction.steps.get(self.step_index).map_or_else(String::new, |step| step.goal.to_string());
+            let class =
+                self.instruction.steps.get(self.step_index).map_or_else(String::new, |step| step.goal.to_string());
             let reason = format!(
                 "I asked {} times which {class} is meant, and none that I know answers to \"{text}\".",
                 self.memory.questions

@@ -62,6 +62,8 @@ mod returning;
 pub mod rig;
 pub mod rooms;
 pub mod route_plan;
+#[cfg(test)]
+mod same_mind;
 pub mod scan_queue;
 pub mod segmentation_files;
 pub mod segmented;

@@ -6,13 +6,13 @@ use octant_prompt::{Critic, GroundingConfig, Instruction, parse_instruction};
 use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
 use robot_model::RobotModel;
 
+use crate::ablation::Part;
 use crate::acting::{StepMemory, Target};
 use crate::asking::Question;
 use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
-use crate::ablation::Part;
 use crate::link::Link;
 use crate::localisation::Lost;
 use crate::look_round::LookRound;

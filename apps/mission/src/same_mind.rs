@@ -72,7 +72,11 @@ fn given() -> impl Strategy<Value = Given> {
         ),
     ];
     let memory = (prop::collection::vec(0..14_u64, 0..4), prop::collection::vec(0..14_u64, 0..3));
-    let world = (prop::collection::vec(thing, 0..14), prop::collection::vec(wall, 0..5), prop::collection::vec(any::<bool>(), 6));
+    let world = (
+        prop::collection::vec(thing, 0..14),
+        prop::collection::vec(wall, 0..5),
+        prop::collection::vec(any::<bool>(), 6),
+    );
     let body = ([0.6..9.4_f64, 0.6..4.4, -3.2..3.2], 0.4..1.2_f64);
     (world, body, memory, said, 0..INSTRUCTIONS.len(), any::<bool>()).prop_map(
         |((things, walls, frontiers), (at, stop_distance_m), (inspected, failed), said, text, may_ask)| Given {
@@ -110,7 +114,13 @@ fn graph(given: &Given) -> SceneGraph {
         let name = ["kitchen", "hallway"][room as usize].to_owned();
         let center = Point3::new(5.0 * room as f64 + 2.5, 2.5, 0.3);
         let kind = Some(name.clone());
-        apply(Op::PutRoom(Box::new(Room { places, name, kind, kind_confidence: 0.8, ..Room::new(RoomId(room), center) })));
+        apply(Op::PutRoom(Box::new(Room {
+            places,
+            name,
+            kind,
+            kind_confidence: 0.8,
+            ..Room::new(RoomId(room), center)
+        })));
     }
     for (index, (label, color, [x, y, z], observations)) in given.things.iter().enumerate() {
         let bounds = Aabb::from_center(Point3::new(*x, *y, *z), Vector3::repeat(0.2));
@@ -218,6 +228,7 @@ fn the_decisions_depend_on_what_is_given() {
     assert!(decided(&robot, &Given { text: 8, frontiers, ..two_mugs.clone() }).contains("explore"));
     // Behind a wall across the hall there is no way.
     let walls = vec![[40, 0, 3, 50]];
-    let walled = Given { walls, things: two_mugs.things[..1].to_vec(), may_ask: false, ..two_mugs };
+    let far_behind = vec![(0, 0, [0.5, 2.0, 0.8], 30)];
+    let walled = Given { walls, things: far_behind, may_ask: false, ..two_mugs };
     assert!(decided(&robot, &walled).contains("give_up"), "{}", decided(&robot, &walled));
 }

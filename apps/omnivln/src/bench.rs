@@ -104,11 +104,11 @@ pub struct NavOptions {
     /// (documentation of arena::instructions)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scenes", "seed"])]
     instructions: Option<PathBuf>,
-    #[command(flatten)]
-    arms: ArmOptions,
     /// Somebody answers when the robot asks which one is meant: lines {"scene": 17, "text": "...", "answer": "the one near the sink"}
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
+    #[command(flatten)]
+    arms: ArmOptions,
 }
 
 /// Runs the bench and prints its table or its JSON.

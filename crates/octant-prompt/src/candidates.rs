@@ -173,7 +173,9 @@ fn choose_object(
     let goal = &step.goal;
     if let Some(meant) = situation.meant {
         // Somebody said so; no other will do.
-        let Some(candidate) = known.object(meant).filter(|candidate| candidate.path_m.is_some()) else { return NOTHING };
+        let Some(candidate) = known.object(meant).filter(|candidate| candidate.path_m.is_some()) else {
+            return NOTHING;
+        };
         let choice = Choice { target: Target::Object(meant), confidence: candidate.found.class, is_guess: false };
         return (Some(choice), Vec::new());
     }
@@ -209,9 +211,12 @@ fn choose_object(
                 && (preferred(candidate) || !room_is_open)
         })
         .collect();
-    let equals = equals(situation, &pool, known);
+    // After "go to the kitchen" the mug is the one in the kitchen, if there is one.
+    let in_context: Vec<&ObjectCandidate> = pool.iter().copied().filter(|candidate| preferred(candidate)).collect();
+    let equals = equals(situation, if in_context.is_empty() { &pool } else { &in_context }, known);
     // "The mug" says that there is one: with somebody to ask, the robot looks whether that is so before it stops at the first.
-    let may_have_equals = situation.may_ask && !goal.is_any && goal.is_bare() && equals.len() < 2;
+    let is_open = known.room.is_none() || room_is_open || in_context.is_empty();
+    let may_have_equals = situation.may_ask && !goal.is_any && goal.is_bare() && equals.len() < 2 && is_open;
     let may_be_beaten = searching && (needs_whole_map(goal, known) || may_have_equals);
     if !pool.is_empty() && !may_be_beaten {
         return (pick(situation, &pool, &weight, false), equals);

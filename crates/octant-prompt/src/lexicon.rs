@@ -210,7 +210,7 @@ const ADVERBS: &[&str] = &[
 ];
 
 /// Words that say nothing about what is meant.
-const FILLERS: &str = "pls, plz, be possible, be possible to, would it be possible to, is it possible to, it possible to, be so kind as to, be so kind and, be so kind to, so kind as to, be kind enough to, kind enough to, be so good as to, \
+const FILLERS: &str = "pls, plz, happen to know, happen, do you know, know, whether, be possible, be possible to, would it be possible to, is it possible to, it possible to, be so kind as to, be so kind and, be so kind to, so kind as to, be kind enough to, kind enough to, be so good as to, \
     would you mind, do you mind, if you please, if you would, if you could, if possible, right away, thanks, thank you, in advance, ok, okay, well, oh, um, uh, excuse me, sorry, dear, buddy, mate, for me, with me, for us, today, quick, asap, real quick, good morning, good evening, \
     i think, i guess, i believe, i suppose, maybe, perhaps, somewhere around here, around here, over there, that would be nice, would be nice, correct, much, specific, particular, particularly, please, hey, robot, kindly, now, quickly, slowly, me, \
     carefully, hello, hi, so, but, currently, kind of, sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, six, seven, eight, nine, ten, several, few, many, multiple, more, most, \
@@ -262,7 +262,7 @@ const ROWS: &[(Mark, &str)] = &[
     (Mark::And, "and, as well as, plus"),
     (Mark::Then, "then, and then, after that, afterwards, after this, and after that, next, followed by, before you, \
         finally, and finally, subsequently, once there, from there, when you are there, secondly"),
-    (Mark::Determiner, "the, a, an, some, this, these, those, any, its, their, my, your, our, another, other, each, every, both, \
+    (Mark::Determiner, "whichever, the, a, an, some, this, these, those, any, its, their, my, your, our, another, other, each, every, both, \
         either, all, his, her"),
     (Mark::Pronoun, "that, which, who, it, there, they, that there, you, we, i, whose, what, where, youre, u, you want, you are \
         looking for, we want, you need"),
@@ -278,7 +278,9 @@ const ROWS: &[(Mark, &str)] = &[
         me, visit, reach, stop at, stop near, stop next to, stop beside, stop by, stop in front of, fetch, bring \
         me, bring, inspect, check, check on, look at, come to, travel to, proceed to, run to, choose, select, \
         pick, pick out, identify, point to, point at, i want, i need, we need, want, where is, where are, \
-        wheres, where s, where do i find, where can i find, where could i find, where will i find, where can one find, i left, i forgot, i lost, \
+        wheres, where s, where do i find, where can i find, where could i find, where will i find, where can one find, i left, i forgot, i lost, where did i put, where did i leave, where have i put, \
+        where have i left, i cant find, i can not find, i cannot find, show me the way to, tell me the way to, have a look at, take a look at, \
+        have a look, take a look, go see if, go see, see if, check if, check whether, go and see, take the robot over to, take the robot to, \
         i dropped, i misplaced, we left, have you seen, did you see, do you see, tell me where, show me where, show us, give me, hand me, \
         get me, get me to, deliver me to, drive me to, walk me to, fly me to, carry me to, escort me to, direct me to, point me to, \
         help me find, i am looking for, im looking for, we are looking for, i would like, id like, i would like to see, id like to see, \

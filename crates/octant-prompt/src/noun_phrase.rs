@@ -54,7 +54,7 @@ impl Parser<'_> {
                     if self.mark() == Some(Mark::Of) {
                         // "one of the chairs" is any, "the black one of the chairs" is not.
                         let before = self.at.checked_sub(2).map(|before| self.tokens[before].mark);
-                        out.is_any = !matches!(before, Some(Mark::Determiner | Mark::Word));
+                        out.is_any |= !matches!(before, Some(Mark::Determiner | Mark::Word));
                         self.at += 1;
                     } else {
                         out.class = Class::new("one");
@@ -229,7 +229,7 @@ impl Parser<'_> {
 
 /// Articles that leave it open which one is meant.
 fn leaves_it_open(article: &str) -> bool {
-    matches!(article, "a" | "an" | "any" | "some" | "another" | "either")
+    matches!(article, "a" | "an" | "any" | "whichever" | "some" | "another" | "either")
 }
 
 /// Colour or material word as an attribute.

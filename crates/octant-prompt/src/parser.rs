@@ -12,11 +12,11 @@
 
 use crate::home_phrase::is_way_home;
 use crate::instruction::{
-    Among, Floor, Instruction, Reading, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind, Superlative,
-    View, ViewKind,
+    Among, Floor, Instruction, Reading, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind,
+    Superlative, View, ViewKind,
 };
 use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens, tokens_of, words};
-use crate::purpose::{Also, named};
+use crate::purpose::{Also, named, said_anywhere};
 use crate::spelling::respelled;
 use crate::vocabulary::{Class, canonical, is_known, singular_phrase};
 
@@ -54,6 +54,17 @@ pub fn parse_instruction(text: &str) -> Instruction {
         }
     }
     leave_out_talk(&mut steps, &are_said);
+    let is_lost = |step: &Step| {
+        step.kind == StepKind::FindObject && !is_known(&step.goal.class) && step.goal.relations.is_empty()
+    };
+    if steps.iter().all(is_lost)
+        && let Some(reading) = said_anywhere(&words)
+    {
+        // "I want coffee"
+        let goal = Referring { class: Class::new(&reading.meant), ..Referring::default() };
+        steps = vec![Step { kind: StepKind::FindObject, goal }];
+        readings.push(reading);
+    }
     resolve_pronouns(&mut steps);
     for step in &mut steps {
         visit_mut(&mut step.goal, &mut |goal| keep_what_was_said(&mut goal.class, &readings, &also));
@@ -79,7 +90,9 @@ fn plain(words: Vec<String>) -> Vec<String> {
 /// is. So is one about nothing but "a place".
 fn leave_out_talk(steps: &mut Vec<Step>, are_said: &[bool]) {
     let is_vague = |goal: &Referring| {
-        goal.relations.is_empty() && goal.room.is_none() && matches!(goal.class.text.as_str(), "place" | "somewhere" | "spot" | "thing")
+        goal.relations.is_empty()
+            && goal.room.is_none()
+            && matches!(goal.class.text.as_str(), "place" | "somewhere" | "spot" | "thing")
     };
     let names = |step: &Step| step.kind != StepKind::FindObject || is_known(&step.goal.class);
     let is_talk = |step: &Step, is_said: bool| !names(step) && (is_said || is_vague(&step.goal));

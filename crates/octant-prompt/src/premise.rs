@@ -32,7 +32,10 @@ pub(crate) fn may_be_meant(
     let is_kind = found.class >= config.accept;
     let class = is_kind || (found.class >= LOOK_ALIKE && !is_settled(situation, found.id));
     let room = found.room >= config.accept_at_last;
-    class && found.weakest_attribute >= config.accept_attributes && room && may_relate(candidate, step, situation, known)
+    class
+        && found.weakest_attribute >= config.accept_attributes
+        && room
+        && may_relate(candidate, step, situation, known)
 }
 
 /// A label that stands: from many images, or from nearby.
@@ -97,8 +100,10 @@ pub(crate) fn reason_to_give_up(step: &Step, situation: &Situation, known: &Cand
         return format!("I know where the {goal} is, but found no way to it.");
     }
     let mut reason = format!("There is no {} here: I searched everywhere I can reach.", phrase(goal));
-    let unseen: Vec<String> =
-        unseen_anchors(goal, &known.scene, situation).into_iter().map(|anchor| format!("no {}", phrase(anchor))).collect();
+    let unseen: Vec<String> = unseen_anchors(goal, &known.scene, situation)
+        .into_iter()
+        .map(|anchor| format!("no {}", phrase(anchor)))
+        .collect();
     let room = goal.room.iter().filter(|_| known.rooms.first().is_none_or(|room| room.score < KNOWN_ANCHOR));
     let unseen: Vec<String> = unseen.into_iter().chain(room.map(|room| format!("no {room}"))).collect();
     if !unseen.is_empty() {

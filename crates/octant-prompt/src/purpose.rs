@@ -12,19 +12,64 @@ use crate::vocabulary_tables::{ROOM_USES, USES};
 
 /// Nouns that name nothing.
 const VAGUE: [&str; 19] = [
-    "thing", "things", "something", "somewhere", "place", "spot", "device", "machine", "appliance", "object", "item", "furniture",
-    "gadget", "tool", "instrument", "stuff", "equipment", "apparatus", "anything",
+    "thing",
+    "things",
+    "something",
+    "somewhere",
+    "place",
+    "spot",
+    "device",
+    "machine",
+    "appliance",
+    "object",
+    "item",
+    "furniture",
+    "gadget",
+    "tool",
+    "instrument",
+    "stuff",
+    "equipment",
+    "apparatus",
+    "anything",
 ];
 /// Words with which a clause about a use goes on.
 const OPENINGS: [&str; 24] = [
-    "that", "which", "you", "i", "we", "one", "people", "someone", "somebody", "to", "where", "for", "with", "on", "in", "at", "from", "can",
-    "used", "whose", "they", "it", "used", "meant",
+    "that", "which", "you", "i", "we", "one", "people", "someone", "somebody", "to", "where", "for", "with", "on",
+    "in", "at", "from", "can", "used", "whose", "they", "it", "used", "meant",
 ];
 /// Wishes, before their verb.
-const WISHES: [&str; 28] = [
-    "i want to", "i need to", "i have to", "i would like to", "id like to", "i must", "i wanna", "i want a", "we want to", "we need to",
-    "we have to", "where can i", "where could i", "where do i", "where do you", "where does one", "where can one", "where can you", "let me",
-    "i gotta", "i am going to", "i like to", "what can i", "what could i", "what do i", "with what can i", "where do we", "where can we",
+const WISHES: [&str; 31] = [
+    "id love to",
+    "i would love to",
+    "i wish to",
+    "i want to",
+    "i need to",
+    "i have to",
+    "i would like to",
+    "id like to",
+    "i must",
+    "i wanna",
+    "i want a",
+    "we want to",
+    "we need to",
+    "we have to",
+    "where can i",
+    "where could i",
+    "where do i",
+    "where do you",
+    "where does one",
+    "where can one",
+    "where can you",
+    "let me",
+    "i gotta",
+    "i am going to",
+    "i like to",
+    "what can i",
+    "what could i",
+    "what do i",
+    "with what can i",
+    "where do we",
+    "where can we",
 ];
 /// Where a clause ends.
 fn is_end(word: &str) -> bool {
@@ -61,6 +106,12 @@ pub(crate) fn named(words: Vec<String>) -> (Vec<String>, Vec<Reading>, Also) {
     (out, readings, also)
 }
 
+/// The class of a use that is said anywhere, in two words or more: for a text in which no grammar finds a thing that anybody knows.
+pub(crate) fn said_anywhere(words: &[String]) -> Option<Reading> {
+    let (row, hits) = best(&TABLE, words).filter(|(_, hits)| *hits >= 2)?;
+    Some(Reading { said: words.join(" "), meant: row.class.clone(), confidence: confidence(hits) })
+}
+
 struct Named {
     class: String,
     others: Vec<String>,
@@ -84,12 +135,16 @@ fn vague(words: &[String], at: usize) -> Option<Named> {
     if !is_free && word != "room" && !VAGUE.contains(&words[at].as_str()) {
         return None;
     }
-    let is_name = |from: usize| canonical(&words[from..=at].join(" ")).is_some() || room_kind(&words[from..=at].join(" ")).is_some();
+    let is_name = |from: usize| {
+        canonical(&words[from..=at].join(" ")).is_some() || room_kind(&words[from..=at].join(" ")).is_some()
+    };
     if (at.saturating_sub(3)..at).any(is_name) {
         return None; // "the coffee machine"
     }
     let next = words.get(at + 1)?;
-    if !(is_free || is_asked || OPENINGS.contains(&next.as_str())) || (is_room && matches!(next.as_str(), "with" | "on" | "in" | "at")) {
+    if !(is_free || is_asked || OPENINGS.contains(&next.as_str()))
+        || (is_room && matches!(next.as_str(), "with" | "on" | "in" | "at"))
+    {
         return None;
     }
     let end = (at..words.len()).find(|index| is_end(&words[*index])).unwrap_or(words.len());
@@ -117,11 +172,17 @@ fn wish(words: &[String], at: usize) -> Option<Named> {
     let clause = &words[begin..end];
     // "I want to go to the kitchen" says where.
     let names_a_thing = clause.windows(2).any(|pair| pair[0] == "the" && is_name(&pair[1]))
-        || clause.first().is_some_and(|word| matches!(word.as_str(), "go" | "find" | "see" | "get" | "visit" | "reach") && clause.len() > 1 && best(&TABLE, clause).is_none());
+        || clause.first().is_some_and(|word| {
+            matches!(word.as_str(), "go" | "find" | "see" | "get" | "visit" | "reach")
+                && clause.len() > 1
+                && best(&TABLE, clause).is_none()
+        });
     if names_a_thing {
         return None;
     }
-    let (row, hits) = best(&TABLE, clause)?;
+    // "my clothes are dirty, where can I wash them?"
+    let elsewhere = || if clause.iter().any(|word| is_name(word)) { None } else { best(&TABLE, words) };
+    let (row, hits) = best(&TABLE, clause).or_else(elsewhere)?;
     let rest = place_in(clause);
     let said = (words[at..end].join(" "), confidence(hits));
     Some(Named { class: row.class.clone(), others: row.others.clone(), said, rest: (rest, end), is_wish: true })
@@ -142,7 +203,8 @@ fn place_in(clause: &[String]) -> Vec<String> {
         if !matches!(clause[at].as_str(), "in" | "from") {
             continue;
         }
-        let article = usize::from(clause.get(at + 1).is_some_and(|word| matches!(word.as_str(), "the" | "my" | "our" | "a")));
+        let article =
+            usize::from(clause.get(at + 1).is_some_and(|word| matches!(word.as_str(), "the" | "my" | "our" | "a")));
         let from = at + 1 + article;
         let is_room = |until: usize| room_kind(&clause[from..until].join(" ")).is_some();
         if let Some(until) = (from + 1..=(from + 3).min(clause.len())).rev().find(|until| is_room(*until)) {
@@ -252,7 +314,11 @@ mod tests {
 
     #[test]
     fn forms_of_a_word_have_one_stem() {
-        for forms in [["boil", "boils", "boiling", "boiled"], ["bake", "bakes", "baking", "baked"], ["dry", "dries", "drying", "dried"]] {
+        for forms in [
+            ["boil", "boils", "boiling", "boiled"],
+            ["bake", "bakes", "baking", "baked"],
+            ["dry", "dries", "drying", "dried"],
+        ] {
             assert!(forms.iter().all(|form| stem(form) == stem(forms[0])), "{forms:?}");
         }
         assert_eq!(stem("sitting"), stem("sits"));

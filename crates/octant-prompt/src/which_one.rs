@@ -48,7 +48,8 @@ pub fn which_one(situation: &Situation, config: &GroundingConfig, ids: &[ObjectI
     let named = ids.iter().take(MOST_NAMED);
     let things: Vec<(ObjectId, String)> = named.map(|id| (*id, description(*id, situation, &known))).collect();
     let list: Vec<String> = things.iter().map(|(id, words)| format!("{words} ({id})")).collect();
-    let more = if ids.len() > MOST_NAMED { format!(", or one of {} others", ids.len() - MOST_NAMED) } else { String::new() };
+    let more =
+        if ids.len() > MOST_NAMED { format!(", or one of {} others", ids.len() - MOST_NAMED) } else { String::new() };
     let class = situation.step().map_or("one".into(), |step| match step.goal.class.is_wildcard() {
         true => "one".into(),
         false => step.goal.class.text.clone(),
@@ -98,7 +99,9 @@ pub fn read_answer(text: &str, listed: &[ObjectId], situation: &Situation, confi
     let labels: Vec<&str> = scene.classes.iter().map(|class| class.text.as_str()).collect();
     let is_about = |answer: &Referring| {
         let (said, asked) = (&answer.class, &step.goal.class);
-        said.text.is_empty() || said.is_wildcard() || class_similarity(said, asked).max(class_similarity(asked, said)) >= 0.5
+        said.text.is_empty()
+            || said.is_wildcard()
+            || class_similarity(said, asked).max(class_similarity(asked, said)) >= 0.5
     };
     // "in the kitchen", "near the sink": of the one that is meant.
     let in_full = || parse_referring(&format!("the one {text}"), &labels);
@@ -111,7 +114,10 @@ pub fn read_answer(text: &str, listed: &[ObjectId], situation: &Situation, confi
         answer = full;
     }
     let is_known = is_known(&answer.class) || adjective(&answer.class.text).is_some();
-    if !is_about(&answer) && !is_known && !scene.classes.iter().any(|class| class_similarity(&answer.class, class) >= 0.5) {
+    if !is_about(&answer)
+        && !is_known
+        && !scene.classes.iter().any(|class| class_similarity(&answer.class, class) >= 0.5)
+    {
         return Meant::Unclear;
     }
     let counts_only = answer.superlatives.is_empty() && answer.relations.is_empty() && answer.attributes.is_empty();
@@ -148,8 +154,18 @@ pub fn read_answer(text: &str, listed: &[ObjectId], situation: &Situation, confi
 /// "any", "either of them", "it does not matter".
 fn is_any(words: &[&str]) -> bool {
     const WHICHEVER: [&str; 12] = [
-        "any", "anyone", "either", "whichever", "whatever", "no matter", "doesnt matter", "not matter", "dont care",
-        "not care", "you choose", "all the same",
+        "any",
+        "anyone",
+        "either",
+        "whichever",
+        "whatever",
+        "no matter",
+        "doesnt matter",
+        "not matter",
+        "dont care",
+        "not care",
+        "you choose",
+        "all the same",
     ];
     let said = format!(" {} ", words.join(" "));
     WHICHEVER.iter().any(|phrase| said.contains(&format!(" {phrase} ")))
@@ -157,7 +173,8 @@ fn is_any(words: &[&str]) -> bool {
 
 /// "2", "number 2", "the 2".
 fn number(words: &[&str]) -> Option<u32> {
-    let rest: Vec<&&str> = words.iter().filter(|word| !matches!(**word, "the" | "number" | "no" | "nr" | "one")).collect();
+    let rest: Vec<&&str> =
+        words.iter().filter(|word| !matches!(**word, "the" | "number" | "no" | "nr" | "one")).collect();
     match rest.as_slice() {
         [digits] => digits.parse().ok(),
         _ => None,
@@ -225,7 +242,8 @@ mod tests {
         ];
         for (id, label, [x, y, z], side_m, color, room) in things {
             let bounds = Aabb::from_center(Point3::new(x, y, z), Vector3::repeat(side_m));
-            let object = Object { room: Some(RoomId(room)), confirmed: true, ..Object::new(ObjectId(id), label, bounds) };
+            let object =
+                Object { room: Some(RoomId(room)), confirmed: true, ..Object::new(ObjectId(id), label, bounds) };
             let mut object = object;
             object.attributes.insert("color".into(), color.into());
             graph.apply(Op::PutObject(Box::new(object))).expect("an object");
@@ -253,7 +271,10 @@ mod tests {
             let known = candidates(situation, &config);
             assert_eq!(known.equals, [1, 2, 3].map(ObjectId));
             let question = which_one(situation, &config, &known.equals);
-            assert!(question.text.starts_with("Which mug do you mean: ") && question.text.contains("(O2)"), "{question:?}");
+            assert!(
+                question.text.starts_with("Which mug do you mean: ") && question.text.contains("(O2)"),
+                "{question:?}"
+            );
             for (id, words) in &question.things {
                 assert_eq!(read_answer(words, &known.equals, situation, &config), Meant::One(*id), "{words}");
             }
