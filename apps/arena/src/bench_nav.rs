@@ -12,6 +12,7 @@ use mission::stage_clock::CpuScope;
 use mission::time_histogram::TimeHistogram;
 use serde::Serialize;
 
+use crate::buildings::Buildings;
 use crate::cli::word;
 use crate::known_building::survey_of;
 use crate::orders::Orders;
@@ -101,6 +102,7 @@ pub fn bench_nav(
     indices: &[usize],
     seed: u64,
     config: &RunConfig,
+    buildings: &Buildings,
     is_known: bool,
     keep: Option<&Path>,
     is_quiet: bool,
@@ -112,7 +114,7 @@ pub fn bench_nav(
     let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes = on_each_core(indices.len(), |position| {
         let index = indices[position];
-        let outcome = one_run(robot, kind, seed, index, config, is_known, keep, stop);
+        let outcome = one_run(robot, kind, seed, index, config, buildings, is_known, keep, stop);
         let summary = &outcome.0;
         let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
         let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -176,6 +178,7 @@ fn one_run(
     seed: u64,
     index: usize,
     config: &RunConfig,
+    buildings: &Buildings,
     is_known: bool,
     keep: Option<&Path>,
     stop: &Arc<AtomicBool>,
@@ -190,7 +193,7 @@ fn one_run(
     if stop.load(Ordering::Relaxed) {
         return (failed("not run: the bench was interrupted".into()), None);
     }
-    let scenario = match draw_scenario(seed, index, robot, config.mission.flight_height_m) {
+    let scenario = match draw_scenario(seed, index, robot, config.mission.flight_height_m, buildings) {
         Ok(scenario) => scenario,
         Err(error) => return (failed(format!("could not be drawn: {error:#}")), None),
     };

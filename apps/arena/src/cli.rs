@@ -48,7 +48,11 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let out = options
         .out
         .clone()
-        .unwrap_or_else(|| PathBuf::from("runs").join(format!("{}-{scene_name}-{}", word(kind), options.seed)));
+        .unwrap_or_else(|| {
+            // Of a file its name without folders.
+            let scene = scene_name.rsplit(['/', '\\']).next().unwrap_or_default();
+            PathBuf::from("runs").join(format!("{}-{scene}-{}", word(kind), options.seed))
+        });
     let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
     if let (Some(known), Some(pose)) = (&mut known, &options.start) {
         // Whatever height was given, the robot stands on the floor of the map.

@@ -14,6 +14,8 @@ use arena::mission::robot_model::RobotKind;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
 
+use crate::building_options::BuildingOptions;
+
 /// Which robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Robot {
@@ -105,6 +107,8 @@ pub struct NavOptions {
     /// The robot has surveyed each building before, and does not know where in it it stands
     #[arg(long)]
     known: bool,
+    #[command(flatten)]
+    buildings: BuildingOptions,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -122,8 +126,9 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     config.simulation.crowd.heeds_robot = !options.heedless;
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
+    let buildings = options.buildings.read()?;
     let (keep, known) = (asked.keep.as_deref(), options.known);
-    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, known, keep, asked.quiet, &stop)?;
+    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop)?;
     if asked.json {
         arena::say!("{}", serde_json::to_string(&result)?);
     } else {
