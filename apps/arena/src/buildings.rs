@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use mission::robot_model::RobotModel;
+use omni_sim::building::Building;
 use omni_sim::cooccurrence::Cooccurrence;
 use omni_sim::plan_image::PlanConfig;
 
 use crate::plan_file::PlanFile;
+use crate::scene_file::read_scene;
 use crate::scenario::{Scene, needs_of, plan_of_seed};
 
 /// Where the buildings of a bench come from.
@@ -42,10 +44,11 @@ pub struct SceneFile {
 #[derive(Debug, Clone)]
 enum Content {
     Plan(PlanFile),
+    Built(Box<Building>),
 }
 
 /// Endings of files that are scenes.
-pub const ENDINGS: [&str; 1] = ["png"];
+pub const ENDINGS: [&str; 4] = ["png", "obj", "gltf", "glb"];
 
 impl SceneFile {
     /// Whether the name ends as that of a scene does.
@@ -60,12 +63,19 @@ impl SceneFile {
     pub fn read(path: &Path) -> Result<SceneFile> {
         let content = match ending(path).as_deref() {
             Some("png") => Content::Plan(PlanFile::read(path)?),
-            _ => bail!("{} is no scene: floor plans end in .png", path.display()),
+            Some("obj" | "gltf" | "glb") => {
+                let place = || format!("reading the scene {}", path.display());
+                Content::Built(Box::new(read_scene(path).with_context(place)?))
+            }
+            _ => bail!(
+                "{} is no scene: floor plans end in .png, scenes with named objects in .obj, .gltf or .glb",
+                path.display()
+            ),
         };
         Ok(SceneFile { path: path.to_owned(), content })
     }
 
-    /// The building of a seed in it. A plan has many: rooms round a drawn one, `rooms` of them or, without a number, 2 to 12.
+    /// The building of a seed in it. A scene with named objects is one, whatever the seed; a plan has many: rooms round a drawn one, `rooms` of them or, without a number, 2 to 12.
     ///
     /// # Errors
     /// If the robot can use no two rooms of it.
@@ -93,6 +103,7 @@ impl SceneFile {
                 let name = format!("{}#{seed}{}", self.path.display(), suffix(cooccurrence));
                 Scene::new(&name, building)
             }
+            Content::Built(building) => Scene::new(&self.path.display().to_string(), (**building).clone()),
         }
     }
 }
@@ -160,7 +171,7 @@ impl Buildings {
             let mut found: Vec<PathBuf> =
                 entries.with_context(place)?.into_iter().filter(|path| SceneFile::is_one(path) && !is_beside(path)).collect();
             found.sort();
-            ensure!(!found.is_empty(), "{} holds no scene: no .png", path.display());
+            ensure!(!found.is_empty(), "{} holds no scene: no .png, .obj, .gltf, .glb", path.display());
             files.extend(found);
         }
         ensure!(turns == Turns::Generated || !files.is_empty(), "buildings from files need --plans");

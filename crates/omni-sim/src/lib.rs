@@ -88,6 +88,7 @@ pub mod floorplan;
 pub mod furniture;
 pub mod generator;
 pub mod ground_base;
+pub mod imported;
 pub mod imu;
 pub mod item;
 pub mod lidar;

@@ -257,7 +257,7 @@ fn has_lintel(opening: &Opening) -> bool {
     opening.width_m <= WIDEST_DOOR_M
 }
 
-fn door_truth(opening: &Opening) -> DoorTruth {
+pub(crate) fn door_truth(opening: &Opening) -> DoorTruth {
     DoorTruth {
         rooms: (opening.rooms.0 - 1, opening.rooms.1 - 1),
         center: Point3::new(opening.center.x, opening.center.y, 0.0),
