@@ -108,9 +108,10 @@ impl SceneFile {
     }
 }
 
-/// Real doors are narrower than those of the generator: as wide as the disc the robot sweeps, and a hand's breadth.
+/// Real doors are narrower than those of the generator: the disc the robot sweeps has to fit, as the referee has it, and little more.
 fn narrowest_door_m(robot: &RobotModel) -> f64 {
-    (2.0 * robot.circumscribed_radius_m + 0.1).clamp(0.6, 2.0)
+    const SPARE_M: f64 = 0.04;
+    (2.0 * robot.circumscribed_radius_m + SPARE_M).clamp(0.6, 2.0)
 }
 
 /// What a scene's name ends with.
@@ -197,7 +198,15 @@ impl Buildings {
         };
         const ALL: [Cooccurrence; 3] = [Cooccurrence::Usual, Cooccurrence::Shuffled, Cooccurrence::Uniform];
         let cooccurrence = if self.turns == Turns::Mixed { ALL[at % ALL.len()] } else { self.cooccurrence };
-        self.files[at % self.files.len()].scene(draw(), Some(rooms), cooccurrence, robot)
+        // A plan whose doors are all too narrow for this robot is passed over for the next one.
+        let mut first_error = None;
+        for k in 0..self.files.len() {
+            match self.files[(at + k) % self.files.len()].scene(draw(), Some(rooms), cooccurrence, robot) {
+                Ok(scene) => return Ok(scene),
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        Err(first_error.context("there are files")?)
     }
 }
 

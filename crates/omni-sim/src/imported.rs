@@ -103,6 +103,7 @@ pub fn meaning_of(name: &str) -> Meaning {
         let spoken = |k: &&RoomKind| k.name() == kind || k.name().strip_suffix(" room") == Some(&kind);
         return Meaning::Room(RoomKind::ALL.iter().find(spoken).copied());
     }
+    let is_structure = |word: &str| STRUCTURE.contains(&word) || word.strip_suffix('s').is_some_and(|one| STRUCTURE.contains(&one));
     let is_color = |word: &&&str| COLORS.iter().any(|(color, _)| color == *word);
     let words: Vec<&str> = if words.len() > 1 { words.iter().skip_while(is_color).copied().collect() } else { words };
     let noun = words.join(" ");
@@ -110,9 +111,7 @@ pub fn meaning_of(name: &str) -> Meaning {
     match noun.as_str() {
         _ if class(&noun).is_some() => Meaning::Thing(noun),
         "" => Meaning::Structure,
-        _ if STRUCTURE.contains(&noun.as_str()) || STRUCTURE.contains(&words[0]) || STRUCTURE.contains(&last) => {
-            Meaning::Structure
-        }
+        _ if [noun.as_str(), words[0], last].into_iter().any(is_structure) => Meaning::Structure,
         _ if words.iter().all(|word| word.chars().count() < 2) => Meaning::Structure,
         _ => Meaning::Thing(noun),
     }
@@ -470,7 +469,7 @@ mod tests {
         assert_eq!(meaning_of("room_living_room_2"), Meaning::Room(Some(RoomKind::LivingRoom)));
         assert_eq!(meaning_of("room_kitchen"), Meaning::Room(Some(RoomKind::Kitchen)));
         assert_eq!(meaning_of("room_cellar"), Meaning::Room(None));
-        for name in ["", "Cube.003", "wall_north", "Outer Wall 3", "Plane", "12", "doorframe"] {
+        for name in ["", "Cube.003", "wall_north", "walls", "Outer Wall 3", "Plane", "12", "doorframe"] {
             assert_eq!(meaning_of(name), Meaning::Structure, "{name}");
         }
     }
