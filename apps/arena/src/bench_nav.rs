@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use crate::buildings::Buildings;
 use crate::cli::word;
+use crate::instructions::{Answers, GivenInstruction, KindFigures, by_kind};
 use crate::known_building::survey_of;
 use crate::orders::Orders;
 use crate::progress::ProgressView;
@@ -72,6 +73,8 @@ pub struct BenchNav {
     pub wall_s: f64,
     /// What was drawn.
     pub drawn: Drawn,
+    /// Figures of each kind of sentence.
+    pub by_kind: BTreeMap<String, KindFigures>,
     /// Every run.
     pub runs: Vec<Summary>,
 }
@@ -93,6 +96,15 @@ impl Times {
     }
 }
 
+/// What the runs of a bench are about.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Given<'a> {
+    /// The instructions, in place of drawn ones; an index is a position in the list.
+    pub instructions: Option<&'a [GivenInstruction]>,
+    /// What somebody answers, if there is somebody.
+    pub answers: Option<&'a Answers>,
+}
+
 /// Draws and runs the scenes with these indices. A run that cannot be set up is a failure with its reason, never a gap. With
 /// `keep`, the run folder of every run is written below it. Progress goes to stderr unless `is_quiet`.
 #[allow(clippy::too_many_arguments)] // one for each thing that decides the bench
@@ -100,6 +112,7 @@ pub fn bench_nav(
     robot: &RobotModel,
     kind: RobotKind,
     indices: &[usize],
+    given: Given,
     seed: u64,
     config: &RunConfig,
     buildings: &Buildings,
@@ -114,7 +127,7 @@ pub fn bench_nav(
     let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes = on_each_core(indices.len(), |position| {
         let index = indices[position];
-        let outcome = one_run(robot, kind, seed, index, config, buildings, is_known, keep, stop);
+        let outcome = one_run(robot, kind, seed, index, given, config, buildings, is_known, keep, stop);
         let summary = &outcome.0;
         let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
         let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -154,6 +167,7 @@ pub fn bench_nav(
         realtime_factor: runs.iter().map(|run| run.sim_s).sum::<f64>() / wall_s.max(1e-9),
         wall_s,
         drawn,
+        by_kind: by_kind(&runs),
         runs,
     })
 }
@@ -177,6 +191,7 @@ fn one_run(
     kind: RobotKind,
     seed: u64,
     index: usize,
+    given: Given,
     config: &RunConfig,
     buildings: &Buildings,
     is_known: bool,
@@ -193,23 +208,35 @@ fn one_run(
     if stop.load(Ordering::Relaxed) {
         return (failed("not run: the bench was interrupted".into()), None);
     }
-    let scenario = match draw_scenario(seed, index, robot, config.mission.flight_height_m, buildings) {
+    let flight_height_m = config.mission.flight_height_m;
+    let instruction = given.instructions.and_then(|instructions| instructions.get(index));
+    let scenario = match instruction {
+        Some(instruction) => instruction.scenario(robot, flight_height_m),
+        None => draw_scenario(seed, index, robot, flight_height_m, buildings),
+    };
+    let scenario = match scenario {
         Ok(scenario) => scenario,
-        Err(error) => return (failed(format!("could not be drawn: {error:#}")), None),
+        Err(error) => {
+            let kind = instruction.map_or_else(String::new, |instruction| instruction.kind.clone());
+            return (Summary { kind, ..failed(format!("could not be drawn: {error:#}")) }, None);
+        }
     };
     let Scenario { scene, task, start, seed: run_seed, is_target_visible, has_rival, shortest_m, rooms } = scenario;
     let (updates, routes) = (TimeHistogram::default(), TimeHistogram::default());
-    let mut facts = Facts { rooms, kind: kind_word(&task), is_target_visible, has_rival, shortest_m, updates, routes };
+    let sentence = instruction.map_or_else(|| kind_word(&task), |instruction| instruction.kind.clone());
+    let answers = given.answers.map_or_else(Vec::new, |answers| answers.about(&scene.name, &task.text));
+    let orders = Orders::default().with_answers(answers);
+    let mut facts = Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates, routes };
     let (scene, task, start) = (&scene, &task, &start);
     let known = match is_known.then(|| survey_of(robot, scene, run_seed, config)).transpose() {
         Ok(known) => known,
         Err(error) => return (failed(format!("the building could not be surveyed: {error:#}")), Some(facts)),
     };
-    let setup =
-        Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None, orders: Orders::default() };
+    let setup = Setup { config, robot, scene, task, start, known, seed: run_seed, vehicle: None, orders };
     let result = run(setup, stop, &mut |_| {});
     let summary = match result {
-        Ok(result) => {
+        Ok(mut result) => {
+            result.summary.kind = sentence;
             let summary = result.summary.clone();
             let clock = &result.journal().clock;
             facts.updates = clock.times("navigation").cloned().unwrap_or_default();
@@ -240,7 +267,8 @@ pub fn kind_word(task: &crate::task::Task) -> String {
 fn drawn(facts: &[&Facts]) -> Drawn {
     let count = facts.len().max(1) as f64;
     let mut drawn = Drawn::default();
-    let mut ways: Vec<f64> = facts.iter().map(|f| f.shortest_m).collect();
+    // To what is not there leads no way.
+    let mut ways: Vec<f64> = facts.iter().map(|f| f.shortest_m).filter(|way_m| way_m.is_finite()).collect();
     ways.sort_by(f64::total_cmp);
     for fact in facts {
         *drawn.rooms.entry(fact.rooms).or_default() += 1;

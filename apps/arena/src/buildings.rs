@@ -9,8 +9,8 @@ use omni_sim::cooccurrence::Cooccurrence;
 use omni_sim::plan_image::PlanConfig;
 
 use crate::plan_file::PlanFile;
-use crate::scene_file::read_scene;
 use crate::scenario::{Scene, needs_of, plan_of_seed};
+use crate::scene_file::read_scene;
 
 /// Where the buildings of a bench come from.
 #[derive(Debug, Clone, Default)]
@@ -137,7 +137,9 @@ pub fn scene_of_name(name: &str, robot: &RobotModel) -> Result<Option<Scene>> {
         return Ok(None);
     }
     let (seed, cooccurrence) = seed_of_name(choice).with_context(|| {
-        format!("\"{name}\" names no building: after {path}# comes a number, and after it may come ,shuffled or ,uniform")
+        format!(
+            "\"{name}\" names no building: after {path}# comes a number, and after it may come ,shuffled or ,uniform"
+        )
     })?;
     Ok(Some(SceneFile::read(Path::new(path))?.scene(seed, None, cooccurrence, robot)?))
 }
@@ -169,8 +171,11 @@ impl Buildings {
             let place = || format!("looking for scenes in {}", path.display());
             let entries: Result<Vec<PathBuf>, std::io::Error> =
                 path.read_dir().with_context(place)?.map(|entry| entry.map(|entry| entry.path())).collect();
-            let mut found: Vec<PathBuf> =
-                entries.with_context(place)?.into_iter().filter(|path| SceneFile::is_one(path) && !is_beside(path)).collect();
+            let mut found: Vec<PathBuf> = entries
+                .with_context(place)?
+                .into_iter()
+                .filter(|path| SceneFile::is_one(path) && !is_beside(path))
+                .collect();
             found.sort();
             ensure!(!found.is_empty(), "{} holds no scene: no .png, .obj, .gltf, .glb", path.display());
             files.extend(found);

@@ -11,11 +11,13 @@ use mission::rig::{BUILTIN_RIGS, Rig, builtin_rig};
 use mission::robot_model::{RobotKind, RobotModel, builtin_toml, mesh_candidates};
 use mission::zones::{ZoneFrame, Zones, ZonesError};
 
+use crate::instructions::Answers;
 use crate::options::Options;
 use crate::orders::Orders;
 use crate::progress::ProgressView;
 use crate::run::{Progress, RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
+use crate::run_setup::{Prepared, RUN_FILE, RunFile, prepare};
 use crate::scenario::{Scene, draw_start, robot_truth};
 use crate::task::Task;
 use crate::vehicle::Vehicle;
@@ -39,46 +41,15 @@ pub fn robot_main(kind: RobotKind, default_scene: &str) -> ExitCode {
 fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bool> {
     options.validate()?;
     options.flight.check(kind)?;
-    let mut robot = load_robot(options.urdf.as_deref(), kind)?;
-    let rig = options.rig.as_deref().map(|rig| load_rig(rig, &robot)).transpose()?;
-    if let Some(rig) = &rig {
-        robot = rig.fitted(&robot);
-    }
+    let Prepared { robot, mut config, known } = prepare(options, kind)?;
     let scene_name = options.scene.clone().unwrap_or_else(|| default_scene.to_owned());
-    let out = options
-        .out
-        .clone()
-        .unwrap_or_else(|| {
-            // Of a file its name without folders.
-            let scene = scene_name.rsplit(['/', '\\']).next().unwrap_or_default();
-            PathBuf::from("runs").join(format!("{}-{scene}-{}", word(kind), options.seed))
-        });
-    let mut known = options.known.as_deref().map(mission::archive::load).transpose()?;
-    if let (Some(known), Some(pose)) = (&mut known, &options.start) {
-        // Whatever height was given, the robot stands on the floor of the map.
-        let mut start = crate::run::pose_in_map(pose);
-        start.translation.vector.z = known.floor_m + robot.stance_height_m;
-        known.start = Some(start);
-    }
+    let out = options.out.clone().unwrap_or_else(|| {
+        // Of a file its name without folders.
+        let scene = scene_name.rsplit(['/', '\\']).next().unwrap_or_default();
+        PathBuf::from("runs").join(format!("{}-{scene}-{}", word(kind), options.seed))
+    });
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
-    let mut config = RunConfig::new(options);
-    if let Some(rig) = rig {
-        config.carry(rig);
-    }
-    if let Some(path) = &options.synonyms {
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-        config.mission.label_names.add_table(&text).with_context(|| format!("reading {}", path.display()))?;
-    }
-    if let Some(path) = &options.zones {
-        config.mission.zones =
-            read_zones(path, options, &robot).with_context(|| format!("reading the zones {}", path.display()))?;
-        config.truth_from_known = options
-            .known
-            .as_deref()
-            .and_then(|known| crate::run::frame_of(known).ok())
-            .map(|frame| frame.truth_from_map());
-    }
     let start = match (&options.known, &options.start) {
         (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
         _ => {
@@ -93,11 +64,18 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     };
 
     let stop = stop_at_ctrl_c()?;
-    let orders = Orders::open(options.commands.as_deref(), options.quiet)?;
+    let answers = options.answers.as_deref().map(Answers::open).transpose()?.unwrap_or_default();
+    let answers = answers.about(&scene_name, &options.instruction);
+    let orders = Orders::open(options.commands.as_deref(), options.quiet)?.with_answers(answers);
     let mut vehicle = open_vehicle(options, &robot, &start, &stop, &mut config)?;
 
     // Everything that can be refused has been: only now is anything written.
     let folder = RunFolder::new(&out)?;
+    if options.record {
+        let file = RunFile::of_this_program(kind, &options.instruction)?;
+        folder.write(RUN_FILE, &serde_json::to_vec_pretty(&file)?)?;
+        config.events_to = Some(folder.path().join("events.bin"));
+    }
     let view = ProgressView::new(config.max_time_s as u64, "{elapsed_precise} {spinner} {wide_msg}", options.quiet);
     // An error ends the run here; the vehicle, dropped, lands or lies down.
     let setup = Setup {
@@ -235,7 +213,7 @@ pub fn read_rig(rig: &std::path::Path, robot: Option<&RobotModel>) -> Result<Rig
 ///
 /// # Errors
 /// A sentence that says what is wrong, and where in the file.
-fn read_zones(path: &std::path::Path, options: &Options, robot: &RobotModel) -> Result<Zones> {
+pub(crate) fn read_zones(path: &std::path::Path, options: &Options, robot: &RobotModel) -> Result<Zones> {
     const LARGEST: u64 = 1 << 20;
     let size = std::fs::metadata(path)?.len();
     if size > LARGEST {

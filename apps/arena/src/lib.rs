@@ -4,6 +4,8 @@
 //! [`record::record`] takes a robot on a tour instead and leaves a bag of ROS 2 with masks, truth and tasks.
 //! The mission cannot see this crate, so nothing true can leak into what the robot knows except through its sensors.
 
+pub mod arms;
+pub mod bench_arms;
 pub mod bench_coverage;
 pub mod bench_map;
 pub mod bench_nav;
@@ -16,6 +18,8 @@ pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
 pub mod flight_options;
+pub mod instructions;
+pub mod intervals;
 pub mod known_building;
 pub mod lab_survey;
 pub mod legs;
@@ -36,8 +40,10 @@ pub mod record_topics;
 pub mod record_truth;
 pub mod referee;
 pub mod report;
+pub mod rule;
 pub mod run;
 pub mod run_folder;
+pub mod run_setup;
 pub mod say;
 pub mod scenario;
 pub mod scene_error;
@@ -52,9 +58,9 @@ pub mod task;
 pub mod tour;
 pub mod toured_scene;
 pub mod trot;
+pub mod truth_folder;
 #[cfg(feature = "unitree")]
 pub mod unitree_vehicle;
-pub mod truth_folder;
 pub mod vehicle;
 pub mod verdict;
 #[cfg(feature = "viz")]

@@ -113,6 +113,15 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub commands: Option<PathBuf>,
 
+    /// Somebody answers when the robot asks which of several things is meant: lines {"text": "find the mug", "answer": "the one near the
+    /// sink"}. Without it who types at the terminal is asked, and where nobody does, it goes to any
+    #[arg(long, value_name = "FILE")]
+    pub answers: Option<PathBuf>,
+
+    /// Keep what the sensors said (events.bin in the run folder, some 6 MB for a simulated second), for omnivln replay
+    #[arg(long)]
+    pub record: bool,
+
     /// So many people walk about in the building (0 to 10)
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10))]
     pub people: u32,
@@ -191,6 +200,25 @@ pub(crate) fn parse_positive(text: &str) -> Result<f64, String> {
 }
 
 impl Options {
+    /// Files that the options name are meant from this folder on.
+    pub fn settle_in(&mut self, folder: &std::path::Path) {
+        let files = [
+            &mut self.urdf,
+            &mut self.known,
+            &mut self.synonyms,
+            &mut self.zones,
+            &mut self.commands,
+            &mut self.answers,
+        ];
+        for file in files.into_iter().flatten().filter(|file| file.as_os_str() != "-") {
+            *file = folder.join(&*file);
+        }
+        // A rig may also be one of those that ship with the program.
+        if let Some(rig) = self.rig.as_mut().filter(|rig| folder.join(&**rig).is_file()) {
+            *rig = folder.join(&*rig);
+        }
+    }
+
     /// Checks what clap cannot, before anything is built.
     pub fn validate(&self) -> Result<()> {
         if self.instruction.trim().is_empty() {

@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 use std::io::{BufRead, IsTerminal};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use mission::journal::Journal;
@@ -24,7 +26,22 @@ const WAITING_LINES: usize = 16;
 pub struct Orders {
     due: VecDeque<(f64, Control)>,
     lines: Option<Receiver<String>>,
+    answers: Answering,
     rounds: Option<Rounds>,
+}
+
+/// What somebody answers when the robot asks.
+#[derive(Debug, Default)]
+struct Answering {
+    /// Whether the robot has still to be told that somebody does.
+    is_news: bool,
+    /// From a file, in order; the last one is said again.
+    answers: Vec<String>,
+    said: usize,
+    /// Questions that were answered.
+    answered: usize,
+    /// A line that was waited for.
+    typed: Option<String>,
 }
 
 /// The same errands over and over.
@@ -61,7 +78,8 @@ impl Orders {
     /// A file that cannot be read, and its line.
     pub fn open(commands: Option<&Path>, is_quiet: bool) -> Result<Orders> {
         let Some(path) = commands else {
-            return Ok(if !is_quiet && is_typed_at() { Orders::lines(standard_input()) } else { Orders::default() });
+            let is_typed = !is_quiet && is_typed_at();
+            return Ok(if is_typed { Orders::lines(standard_input()).by_a_person() } else { Orders::default() });
         };
         if path == Path::new("-") {
             return Ok(Orders::lines(standard_input()));
@@ -75,6 +93,50 @@ impl Orders {
         Orders::script(&text).with_context(place)
     }
 
+    /// From somebody who answers questions.
+    fn by_a_person(mut self) -> Orders {
+        self.answers.is_news = true;
+        self
+    }
+
+    /// With answers to the questions about the instruction, in order; the last one is repeated. Without any nobody is asked.
+    pub fn with_answers(mut self, answers: Vec<String>) -> Orders {
+        self.answers.is_news |= !answers.is_empty();
+        self.answers.answers = answers;
+        self
+    }
+
+    /// The answer to the question that waits, if there is one.
+    pub fn answer(&mut self, mission: &Mission) -> Option<Control> {
+        mission.question()?;
+        let last = self.answers.answers.len().checked_sub(1)?;
+        if mission.questions_asked() <= self.answers.answered {
+            return None;
+        }
+        self.answers.answered = mission.questions_asked();
+        let answer = self.answers.answers[self.answers.said.min(last)].clone();
+        self.answers.said += 1;
+        Some(Control::Answer(answer))
+    }
+
+    /// While a question waits for somebody who types, so does this, until the line is there, or nobody types any more.
+    pub fn wait_for_answer(&mut self, mission: &Mission, stop: &AtomicBool) {
+        const LOOK_UP: Duration = Duration::from_millis(100);
+        let is_asked = mission.question().is_some() && self.answers.answers.is_empty() && self.answers.typed.is_none();
+        while is_asked && self.due.is_empty() && !stop.load(Ordering::Relaxed) {
+            let Some(lines) = &self.lines else { return };
+            match lines.recv_timeout(LOOK_UP) {
+                Ok(line) if line.trim().is_empty() => {}
+                Ok(line) => {
+                    self.answers.typed = Some(line);
+                    return;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => self.lines = None,
+            }
+        }
+    }
+
     /// Whether there will be another errand for a robot that is at rest.
     pub fn has_more(&self, now_s: f64) -> bool {
         self.rounds.as_ref().is_some_and(|rounds| !rounds.errands.is_empty() && now_s < rounds.until_s)
@@ -82,6 +144,12 @@ impl Orders {
 
     /// What is to be said now, one at a time, to a robot that is at rest or not.
     pub fn next(&mut self, now_s: f64, is_at_rest: bool) -> Option<Control> {
+        if std::mem::take(&mut self.answers.is_news) {
+            return Some(Control::AskMe);
+        }
+        if let Some(line) = self.answers.typed.take() {
+            return Some(Control::from_line(&line));
+        }
         if let Some(rounds) = self.rounds.as_mut().filter(|rounds| is_at_rest && now_s < rounds.until_s) {
             let errand = rounds.errands.get(rounds.next % rounds.errands.len().max(1))?;
             rounds.next += 1;
@@ -119,7 +187,7 @@ pub fn say_to(
                 return Err(error.to_string());
             }
         },
-        Control::Pause | Control::Resume | Control::Cancel => None,
+        Control::Pause | Control::Resume | Control::Cancel | Control::AskMe | Control::Answer(_) => None,
     };
     mission.control(control, now).map_err(|error| error.to_string())?;
     Ok(task)

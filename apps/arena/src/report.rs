@@ -134,13 +134,25 @@ fn one_decision(page: &mut String, decision: &DecisionEntry) {
         page,
         "<details><summary><b>{:.1} s</b> &nbsp; {} <span class=\"dim\">step {}, {}, {} tokens, confidence {:.2}{}</span></summary>",
         decision.decided_s,
-        escape(&decision.action),
+        escape(
+            &decision.question.as_ref().map_or(decision.action.clone(), |question| format!("asks: {}", question.text))
+        ),
         decision.step + 1,
         escape(&decision.reasoner),
         decision.prompt_tokens,
         decision.confidence,
         if decision.is_fallback { ", fallback" } else { "" },
     );
+    if let Some(question) = &decision.question {
+        let answer = question.answer.as_ref().map_or("no answer".into(), |answer| format!("\u{201c}{answer}\u{201d}"));
+        let _ = write!(
+            page,
+            "<p class=\"question\"><b>Asked instead:</b> {}<br><b>Answer:</b> {} ({})</p>",
+            escape(&question.text),
+            escape(&answer),
+            escape(&question.meaning),
+        );
+    }
     page.push_str("<table>");
     for entry in &decision.trace {
         let _ = write!(

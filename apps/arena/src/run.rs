@@ -1,6 +1,8 @@
 //! One run: a mission in the simulator, from its first look to its stop, with the referee's verdict.
 
-use std::path::Path;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -8,6 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use mission::archive::Known;
 use mission::config::MissionConfig;
+use mission::event_log::EventLogWriter;
 use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
 use mission::mission::{Mission, Outcome};
@@ -50,6 +53,8 @@ pub struct RunConfig {
     pub llm: Option<ChatConfig>,
     /// A service that segments the pictures instead of the simulated segmenter.
     pub segmenter: Option<HttpSegmenterConfig>,
+    /// What the mission perceives goes into this file, bit for bit ([`mission::event_log`]).
+    pub events_to: Option<PathBuf>,
     /// The robot's postures are kept, for pictures that move; default only with the feature `viz`.
     pub keeps_postures: bool,
     /// Whose CPU time the summary gives.
@@ -107,6 +112,7 @@ impl Default for RunConfig {
             max_time_s: 600.0,
             llm: None,
             segmenter: None,
+            events_to: None,
             keeps_postures: cfg!(feature = "viz"),
             cpu_scope: CpuScope::Process,
             truth_from_known: None,
@@ -232,10 +238,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
 
     // Both sides. Unless a person says where in a known map the robot starts, the frame of the odometry begins at the robot:
     // where in the building that is, nobody on the robot's side knows.
-    let start_in_map = match known.as_ref().and_then(|known| known.start) {
-        Some(start) => start,
-        None => Isometry3::translation(0.0, 0.0, robot.stance_height_m),
-    };
+    let start_in_map = start_in_map(known.as_ref(), robot);
     let truth_from_zones = match config.mission.zones.frame {
         ZoneFrame::Start => Some(*start),
         ZoneFrame::Map => config.truth_from_known,
@@ -269,14 +272,17 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
 
     // The loop: the world goes on for a step, the robot sees and commands.
     let truth_from_map = start * start_in_map.inverse();
-    let mut truth = TruthLog { truth_from_map, zones, poses: vec![(simulation.now().0, *start)], ..TruthLog::default() };
+    let mut truth =
+        TruthLog { truth_from_map, zones, poses: vec![(simulation.now().0, *start)], ..TruthLog::default() };
     let (mut command, mut is_timeout) = (mission.idle(), false);
     let mut trouble = None;
     let mut postures = Vec::new();
     if let Err(why @ GaitError::OtherKindOfLeg { .. }) = simulation.legs() {
         mission.journal.notes.push((0.0, format!("The legs stand still. {why}.")));
     }
+    let mut log = config.events_to.as_deref().map(open_log).transpose()?;
     let (mut settle_s, mut lost_s, mut last_activity, mut next_report_s) = (0.0, 0.0, String::new(), 0.0);
+    let mut shown = 0; // questions
     loop {
         let now_s = simulation.seconds();
         if let Some(vehicle) = &mut vehicle {
@@ -285,11 +291,30 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             simulation.tell_charge(vehicle.charge());
         }
         let events = simulation.advance(&command, STEP_NS, &mut mission.journal.clock)?;
+        if let Some(log) = &mut log {
+            log_cycle(log, &events, simulation.now()).context("keeping what the sensors said")?;
+        }
         let has_scan = events.iter().any(|event| matches!(event, SensorEvent::Scan(_)));
         let seen = config.cpu_scope.now();
         mission.perceive(events);
         let now = simulation.now();
-        while let Some(control) = orders.next(mission.seconds(now), settle_s >= SETTLE_S) {
+        if vehicle.is_none() {
+            // The simulated world waits with the robot for somebody who types, and has been shown the question.
+            if mission.questions_asked() > shown {
+                shown = mission.questions_asked();
+                report(&Progress {
+                    sim_s: now_s,
+                    activity: mission.activity(),
+                    is_news: true,
+                    ..Progress::of(&mission)
+                });
+            }
+            orders.wait_for_answer(&mission, stop);
+        }
+        while let Some(control) =
+            orders.next(mission.seconds(now), settle_s >= SETTLE_S).or_else(|| orders.answer(&mission))
+        {
+            let control = mission.understood(control);
             // Who is at rest has done what it was told, or given it up: that is judged before it hears the next.
             let errand = mission.is_over().then(|| {
                 finish(&mut truth, &mission, &task, &simulation, is_timeout, config.max_time_s);
@@ -334,6 +359,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             let map_from_body = odometry.world_from_body;
             postures.push(Posture { t_s: simulation.seconds(), map_from_body, joints });
         }
+        if has_scan && truth.first_sighting_s.is_none() && sees_any(&simulation, task.targets()) {
+            truth.first_sighting_s = Some((simulation.now().0 - truth.heard_ns) as f64 * 1e-9);
+        }
         if mission.world.odometry.is_some() && !mission.has_pose() {
             lost_s += STEP_NS as f64 * 1e-9;
         }
@@ -366,6 +394,9 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
     }
 
+    if let Some(log) = log {
+        log.finish().context("keeping what the sensors said")?;
+    }
     let end_s = simulation.seconds();
     let unused = mission.unused();
     mission.journal.notes.extend(unused.into_iter().map(|sentence| (end_s, sentence)));
@@ -377,8 +408,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();
         mission.journal.notes.push((end_s, vehicle.account()));
-        truth.trouble =
-            trouble.or(rest.err()).map(|why| format!("The {} ended early: {why:#}.", vehicle.deed()));
+        truth.trouble = trouble.or(rest.err()).map(|why| format!("The {} ended early: {why:#}.", vehicle.deed()));
     }
     let verdict = verdict(&truth, &task, &referee, &robot.footprint);
     let stages = mission.journal.clock.figures();
@@ -402,6 +432,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         sim_s: simulation.seconds(),
         wall_s: wall.elapsed().as_secs_f64(),
         cpu_s: cpu.elapsed().as_secs_f64(),
+        turned_in_place_rad: verdict.turned_in_place_rad,
+        first_sighting_s: truth.first_sighting_s,
         decisions: mission.journal.decisions.len(),
         prompt_tokens: mission.journal.prompt_tokens(),
         answer_tokens: mission.journal.answer_tokens(),
@@ -424,6 +456,28 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     Ok(RunResult { summary, task, mission, truth, verdict, body, postures })
 }
 
+/// Where the robot's odometry begins: at the robot, unless a person says where in a known map it starts.
+pub(crate) fn start_in_map(known: Option<&Known>, robot: &RobotModel) -> Isometry3<f64> {
+    let said = known.and_then(|known| known.start);
+    said.unwrap_or_else(|| Isometry3::translation(0.0, 0.0, robot.stance_height_m))
+}
+
+fn open_log(path: &Path) -> Result<EventLogWriter<BufWriter<File>>> {
+    let file = File::create(path).with_context(|| format!("writing {}", path.display()))?;
+    EventLogWriter::new(BufWriter::new(file)).with_context(|| format!("writing {}", path.display()))
+}
+
+fn log_cycle(log: &mut EventLogWriter<BufWriter<File>>, events: &[SensorEvent], now: Stamp) -> std::io::Result<()> {
+    events.iter().try_for_each(|event| log.event(event))?;
+    log.cycle(now)
+}
+
+/// Whether ten points have met one of these things so far.
+fn sees_any(simulation: &Simulation, ids: &[u32]) -> bool {
+    const POINTS: u64 = 10;
+    ids.iter().any(|id| simulation.lidar_points_on().get(id).is_some_and(|points| *points >= POINTS))
+}
+
 /// How it ended, and the last step where the robot came to rest.
 fn finish(
     truth: &mut TruthLog,
@@ -434,6 +488,7 @@ fn finish(
     max_time_s: f64,
 ) {
     truth.touches = simulation.touches().to_vec();
+    truth.questions = mission.questions_about_this();
     truth.ending = match (&mission.outcome, mission.cancelled_s()) {
         (_, Some(t_s)) => {
             let rests = if mission.robot().kind == RobotKind::Aerial { "came down" } else { "stands" };

@@ -145,7 +145,8 @@ pub fn draw_start(referee: &Referee, robot: &RobotModel, seed: u64) -> Result<Is
     Ok(pose_at(&referee.floor().center_of(cell), rng.random_range(-3.1..3.1), referee, robot))
 }
 
-fn pose_at(at: &Point2<f64>, yaw_rad: f64, referee: &Referee, robot: &RobotModel) -> Isometry3<f64> {
+/// Pose of the body on the floor at a place.
+pub fn pose_at(at: &Point2<f64>, yaw_rad: f64, referee: &Referee, robot: &RobotModel) -> Isometry3<f64> {
     Isometry3::from_parts(
         Translation3::new(at.x, at.y, referee.floor().floor_z_m + robot.stance_height_m),
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad),

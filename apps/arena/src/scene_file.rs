@@ -24,7 +24,11 @@ pub fn read_scene(path: &Path) -> Result<Building, SceneError> {
     let open = |name: &str| {
         let is_below = Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
         let refused = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "only files beside the scene are read");
-        if is_below { bytes_of(&folder.join(name), name) } else { Err(SceneError::Open { name: name.into(), source: refused() }) }
+        if is_below {
+            bytes_of(&folder.join(name), name)
+        } else {
+            Err(SceneError::Open { name: name.into(), source: refused() })
+        }
     };
     let bytes = bytes_of(path, &path.display().to_string())?;
     let is_obj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));

@@ -133,7 +133,8 @@ impl File<'_> {
     fn add_mesh(&mut self, number: usize, world_from_node: &Matrix4<f64>, name: &str) -> Result<(), SceneError> {
         let place = format!("meshes[{number}]");
         let root = self.root;
-        let value = root["meshes"].get(number).ok_or_else(|| wrong(place.as_str(), "the number of a mesh of the file"))?;
+        let value =
+            root["meshes"].get(number).ok_or_else(|| wrong(place.as_str(), "the number of a mesh of the file"))?;
         let name = if name.is_empty() { value["name"].as_str().unwrap_or_default() } else { name };
         let mut mesh = NamedMesh { name: name.to_owned(), ..NamedMesh::default() };
         // A mirrored node turns its triangles inside out.
@@ -190,10 +191,8 @@ impl File<'_> {
         }
         let (bytes, elements, stride) = self.elements(number, 12)?;
         let float = |at: usize| f64::from(f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]));
-        let points: Vec<Point3<f64>> = elements
-            .map(|k| k * stride)
-            .map(|at| Point3::new(float(at), float(at + 4), float(at + 8)))
-            .collect();
+        let points: Vec<Point3<f64>> =
+            elements.map(|k| k * stride).map(|at| Point3::new(float(at), float(at + 4), float(at + 8))).collect();
         if points.iter().all(|point| point.iter().all(|value| value.is_finite())) {
             Ok(points)
         } else {
@@ -210,7 +209,8 @@ impl File<'_> {
             _ => return Err(wrong(format!("accessors[{number}]"), "SCALAR of type 5121, 5123 or 5125 for indices")),
         };
         let (bytes, elements, stride) = self.elements(number, size)?;
-        let value = |at: usize| bytes[at..at + size].iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
+        let value =
+            |at: usize| bytes[at..at + size].iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
         Ok(elements.map(|k| value(k * stride)).collect())
     }
 

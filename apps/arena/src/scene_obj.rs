@@ -32,11 +32,8 @@ pub fn read_obj(
     let mut order: Vec<String> = Vec::new();
     let mut count = 0;
     for (number, line) in text.lines().enumerate() {
-        let wrong = |wanted: &'static str| SceneError::Line {
-            line: number + 1,
-            text: line.chars().take(60).collect(),
-            wanted,
-        };
+        let wrong =
+            |wanted: &'static str| SceneError::Line { line: number + 1, text: line.chars().take(60).collect(), wanted };
         let line = line.trim();
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();

@@ -16,6 +16,7 @@ use mission::stream::{BatteryState, Command, SensorEvent};
 use nalgebra::Isometry3;
 use omni_sim::crowd::CrowdConfig;
 use omni_sim::encoder::{EncoderConfig, encoder_sample};
+use omni_sim::equirect::Equirect;
 use omni_sim::imu::{Imu, ImuConfig};
 use omni_sim::lidar::{LidarConfig, RotatingMount, scan_with_truth};
 use omni_sim::motion::KinematicState;
@@ -50,6 +51,8 @@ pub struct SimulationConfig {
     pub drift: Option<DriftConfig>,
     /// The LiDAR's motor stands still.
     pub is_lidar_fixed: bool,
+    /// Horizontal field of view of LiDAR and camera, its middle ahead; none is all round.
+    pub view_rad: Option<f64>,
     /// Somebody else moves the body ([`Simulation::tell`]).
     pub is_towed: bool,
     /// The battery of an aircraft, full at the start, lasts for so many seconds of hovering; none is never empty and never heard of.
@@ -62,7 +65,7 @@ pub struct SimulationConfig {
 
 impl SimulationConfig {
     /// Takes the sensors' numbers from a rig.
-    fn carry(&mut self, rig: &Rig) {
+    pub(crate) fn carry(&mut self, rig: &Rig) {
         let (lidar, view) = (&rig.lidar, rig.camera());
         self.lidar.beams = lidar.beams;
         self.lidar.columns = lidar.columns;
@@ -414,14 +417,23 @@ impl<'a> Simulation<'a> {
         let (world, motion) = (&*self.world, self.body.motion());
         let (record, instances) = scan_with_truth(world, motion, &self.mount, &self.config.lidar, self.next_scan_ns)
             .context("casting a scan")?;
+        let start_ns = record.start_ns;
+        let is_seen = |point: &omni_sim::lidar::LidarPoint| {
+            self.config.view_rad.is_none_or(|view_rad| {
+                let body_from_sensor = self.mount.body_from_sensor(start_ns + i64::from(point.offset_ns));
+                let in_body = body_from_sensor * point.position.cast::<f64>();
+                in_body.y.atan2(in_body.x).abs() <= 0.5 * view_rad
+            })
+        };
+        let (points, instances): (Vec<&omni_sim::lidar::LidarPoint>, Vec<u32>) =
+            record.points.iter().zip(instances).filter(|(point, _)| is_seen(point)).unzip();
         // A row of points on one thing is counted at once.
         for row in instances.chunk_by(|a, b| a == b) {
             *self.points_on.entry(row[0]).or_insert(0) += row.len() as u64;
         }
         Ok(RawScan {
             start: Stamp(record.start_ns),
-            points: record
-                .points
+            points: points
                 .iter()
                 .map(|point| RawPoint { position: point.position, offset_ns: point.offset_ns, ring: point.ring })
                 .collect(),
@@ -464,8 +476,41 @@ impl<'a> Simulation<'a> {
             self.now_ns,
         )
         .context("taking a panorama")?;
-        masked_panorama(record)
+        let panorama = masked_panorama(record)?;
+        match self.config.view_rad {
+            Some(view_rad) => narrowed(panorama, &self.config.panorama.view(), view_rad),
+            None => Ok(panorama),
+        }
     }
+}
+
+/// What a camera sees of a panorama that looks ahead only: masks cut at the border of its view, black beyond.
+fn narrowed(panorama: MaskedPanorama, camera: &Equirect, view_rad: f64) -> Result<MaskedPanorama> {
+    let (width, height) = (camera.width, camera.height);
+    let is_seen: Vec<bool> = (0..width)
+        .map(|column| {
+            let ahead = camera.direction(f64::from(column) + 0.5, 0.5 * f64::from(height));
+            ahead.y.atan2(ahead.x).abs() <= 0.5 * view_rad
+        })
+        .collect();
+    let cut = |mask: Mask| -> Result<Option<Mask>> {
+        let spans: Vec<_> = mask.rle.spans().filter(|span| is_seen[span.column as usize]).collect();
+        if spans.is_empty() {
+            return Ok(None);
+        }
+        let rle = Rle::from_spans(width, height, spans).context("cutting a mask")?;
+        Ok(Some(Mask { rle, ..mask }))
+    };
+    let masks = panorama.masks.into_iter().filter_map(|mask| cut(mask).transpose()).collect::<Result<Vec<_>>>()?;
+    let image = panorama.image.map(|mut image| {
+        for (index, pixel) in image.rgb.chunks_exact_mut(3).enumerate() {
+            if !is_seen[index % width as usize] {
+                pixel.fill(0);
+            }
+        }
+        image
+    });
+    Ok(MaskedPanorama { masks, image, ..panorama })
 }
 
 /// The drifting odometry's view of a state.

@@ -40,6 +40,10 @@ pub struct Summary {
     pub wall_s: f64,
     /// CPU time of the process during the run; in a bench, of the thread that the run has for itself.
     pub cpu_s: f64,
+    /// Angle turned while standing, in truth.
+    pub turned_in_place_rad: f64,
+    /// Seconds from when the instruction was heard until ten LiDAR points had met a right thing; `null` if that never was, or for a room.
+    pub first_sighting_s: Option<f64>,
     /// Decisions taken.
     pub decisions: usize,
     /// Tokens in all prompts.

@@ -10,6 +10,8 @@ use rand::{RngExt, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::rule::Rule;
+
 /// Largest gap between two boxes that a referee calls "near".
 pub const NEAR_M: f64 = 1.0;
 /// A drawn relation is clear: the right object is nearer than this ...
@@ -62,6 +64,9 @@ pub struct Task {
     pub kind: TaskKind,
     /// What it takes, in order. A step without ids asks for something that is not there.
     pub steps: Vec<StepTruth>,
+    /// When it counts as done.
+    #[serde(default)]
+    pub rule: Rule,
 }
 
 impl Task {
@@ -85,7 +90,7 @@ impl Task {
         {
             steps.push(read_step(part, building)?);
         }
-        Ok(Task { text: text.to_owned(), kind: TaskKind::Given, steps })
+        Ok(Task { text: text.to_owned(), kind: TaskKind::Given, steps, rule: Rule::Reach })
     }
 }
 
@@ -359,7 +364,7 @@ fn of_class<'a>(class: &'a str, building: &'a Building) -> impl Iterator<Item = 
 
 fn object_task(text: String, kind: TaskKind, mut ids: Vec<u32>) -> Task {
     ids.sort_unstable();
-    Task { text, kind, steps: vec![StepTruth::Object { ids }] }
+    Task { text, kind, steps: vec![StepTruth::Object { ids }], rule: Rule::Reach }
 }
 
 fn draw_class(building: &Building) -> Vec<Task> {
@@ -460,6 +465,7 @@ fn draw_two_steps(building: &Building, rng: &mut ChaCha8Rng) -> Vec<Task> {
             text: format!("go to the {}", room.kind.name()),
             kind: TaskKind::TwoSteps,
             steps: vec![StepTruth::Room { ids: rooms_called(room.kind.name(), building) }],
+            rule: Rule::Reach,
         })
         .collect();
     first.dedup_by(|a, b| a.text == b.text);
@@ -479,6 +485,7 @@ fn draw_two_steps(building: &Building, rng: &mut ChaCha8Rng) -> Vec<Task> {
             text: format!("{}, then {}", a.text, b.text),
             kind: TaskKind::TwoSteps,
             steps: [a.steps.clone(), b.steps.clone()].concat(),
+            rule: Rule::Reach,
         });
     }
     tasks

@@ -47,6 +47,9 @@ struct TaskFile {
     ending: Ending,
     trouble: Option<String>,
     errands: Vec<Errand>,
+    /// How often the robot asked which of several things is meant.
+    #[serde(default)]
+    questions: usize,
     end_s: f64,
 }
 
@@ -85,11 +88,7 @@ pub fn write_truth(folder: &RunFolder, result: &RunResult, building: &Building) 
     json("contacts.json", serde_json::to_vec_pretty(&truth.touches)?)?;
     let declared = truth.declared.iter().map(|declared| {
         let (t, q) = (declared.truth_from_body.translation.vector, declared.truth_from_body.rotation.coords);
-        DeclaredEntry {
-            step: declared.step,
-            stamp_ns: declared.stamp_ns,
-            pose: [t.x, t.y, t.z, q.x, q.y, q.z, q.w],
-        }
+        DeclaredEntry { step: declared.step, stamp_ns: declared.stamp_ns, pose: [t.x, t.y, t.z, q.x, q.y, q.z, q.w] }
     });
     let task = TaskFile {
         task: result.task.clone(),
@@ -98,6 +97,7 @@ pub fn write_truth(folder: &RunFolder, result: &RunResult, building: &Building) 
         ending: truth.ending.clone(),
         trouble: truth.trouble.clone(),
         errands: truth.errands.clone(),
+        questions: truth.questions,
         end_s: result.summary.sim_s,
     };
     json("task.json", serde_json::to_vec_pretty(&task)?)?;
@@ -159,6 +159,8 @@ pub fn judge(run: &Path) -> Result<Judgement> {
         ending: task.ending,
         trouble: task.trouble,
         errands: task.errands,
+        first_sighting_s: None,
+        questions: task.questions,
     };
     let Some((_, start)) = truth.poses.first() else { bail!("{} holds no pose", folder.display()) };
     let world = World::of_building(&building).context("making the world of truth/building.ply")?;

@@ -3,6 +3,7 @@
 //! [`TruthLog`] is what `truth/` holds ([`crate::truth_folder`]); [`verdict`] is asked at the end of a run, and again by
 //! `omnivln judge`, by anybody, at any time.
 
+use mission::goal::wrap;
 use mission::zones::Zones;
 use nalgebra::{Isometry3, Point2};
 use serde::{Deserialize, Serialize};
@@ -92,6 +93,10 @@ pub struct TruthLog {
     pub trouble: Option<String>,
     /// Errands before the judged one.
     pub errands: Vec<Errand>,
+    /// How often the robot asked which of several things is meant.
+    pub questions: usize,
+    /// When a right thing was first seen, seconds after the instruction.
+    pub first_sighting_s: Option<f64>,
 }
 
 /// What the referee says of a step that the robot declared done.
@@ -120,6 +125,8 @@ pub struct Verdict {
     pub shortest_m: Option<f64>,
     /// Success weighted by path length, from where the robot heard what is judged.
     pub spl: f64,
+    /// Angle turned while standing.
+    pub turned_in_place_rad: f64,
     /// Touches of the building and the things in it.
     pub collisions: usize,
     /// Touches of people while the robot moved.
@@ -145,13 +152,19 @@ impl TruthLog {
         self.heard_ns = now_ns;
         self.declared.clear();
         self.ending = Ending::default();
+        self.first_sighting_s = None;
     }
 }
 
 /// Judges. `referee` knows building, robot and start; `footprint` is the robot's outline in its own frame, for the zones.
 pub fn verdict(truth: &TruthLog, task: &Task, referee: &Referee, footprint: &[Point2<f64>]) -> Verdict {
     let steps: Vec<StepVerdict> = truth.declared.iter().map(|declared| judge_step(declared, task, referee)).collect();
-    let (mut success, mut reason) = outcome(truth, task, &steps);
+    let plain = outcome(truth, task, &steps);
+    let gave_up = match &truth.ending {
+        Ending::GaveUp { reason } => Some(reason.as_str()),
+        _ => None,
+    };
+    let (mut success, mut reason) = task.rule.judge(&task.text, plain, gave_up, truth.questions);
     if let Some(trouble) = &truth.trouble {
         (success, reason) = (false, trouble.clone());
     }
@@ -183,11 +196,25 @@ pub fn verdict(truth: &TruthLog, task: &Task, referee: &Referee, footprint: &[Po
         path_m,
         shortest_m,
         spl,
+        turned_in_place_rad: turned_in_place_rad(&truth.poses),
         collisions: truth.touches.iter().filter(|touch| touch.is_collision()).count(),
         contacts_with_people: truth.touches.iter().filter(|touch| touch.is_with_person()).count(),
         keep_out_entries: watch.figures().iter().filter(|zone| zone.max_mps.is_none()).map(|zone| zone.entries).sum(),
         zones: watch.figures().to_vec(),
     }
+}
+
+/// Angle over all tenths of a second in which the body moved by less than a centimetre.
+fn turned_in_place_rad(poses: &[(i64, Isometry3<f64>)]) -> f64 {
+    const POSES: usize = 5;
+    const STANDS_M: f64 = 0.01;
+    let tenths: Vec<&Isometry3<f64>> = poses.iter().step_by(POSES).map(|(_, pose)| pose).collect();
+    let turned = |pair: &[&Isometry3<f64>]| {
+        let moved_m = (pair[1].translation.vector.xy() - pair[0].translation.vector.xy()).norm();
+        let yaw_rad = |pose: &Isometry3<f64>| pose.rotation.euler_angles().2;
+        if moved_m < STANDS_M { wrap(yaw_rad(pair[1]) - yaw_rad(pair[0])).abs() } else { 0.0 }
+    };
+    tenths.windows(2).map(turned).sum()
 }
 
 fn judge_step(declared: &Declared, task: &Task, referee: &Referee) -> StepVerdict {

@@ -60,7 +60,9 @@ fn assert_same(before: &Building, after: &Building) {
     let mut same_support = 0;
     for (a, b) in before.objects.iter().zip(&after.objects) {
         assert_eq!((&a.class, &a.color, a.room), (&b.class, &b.color, b.room), "{a:?}\n{b:?}");
-        assert!((a.bounds.min + shift - b.bounds.min).norm() < 1e-3 && (a.bounds.max + shift - b.bounds.max).norm() < 1e-3);
+        assert!(
+            (a.bounds.min + shift - b.bounds.min).norm() < 1e-3 && (a.bounds.max + shift - b.bounds.max).norm() < 1e-3
+        );
         same_support += usize::from(a.supported_by == b.supported_by);
     }
     assert_eq!(same_support, before.objects.len(), "everything rests on what it rested on");

@@ -55,6 +55,12 @@ pub struct StepMemory {
     pub rejected: Vec<Failure>,
     /// How often a search that seemed over was taken up again.
     pub reprieves: u32,
+    /// How often somebody was asked which one is meant.
+    pub questions: u32,
+    /// Which one somebody said is meant.
+    pub chosen: Option<crate::asking::Chosen>,
+    /// Somebody said that any will do, or nobody said anything.
+    pub any_will_do: bool,
 }
 
 /// An action that failed. Maps grow, so it may succeed later.
@@ -63,6 +69,14 @@ pub struct Failure {
     pub(crate) critique: Critique,
     pub(crate) until_s: f64,
     times: u32,
+}
+
+#[cfg(test)]
+impl Failure {
+    /// A failure that counts until a time.
+    pub(crate) fn until(critique: Critique, until_s: f64) -> Failure {
+        Failure { critique, until_s, times: 1 }
+    }
 }
 
 impl Mission {
@@ -81,6 +95,11 @@ impl Mission {
                 }
                 match self.goal_of(&action) {
                     Some(goal) => {
+                        if let Action::Explore(id) = &action
+                            && let Some(at) = self.world.graph.place(*id).map(|place| place.position.xy())
+                        {
+                            self.world.coverage.set_out(&at);
+                        }
                         self.arrived_s = None;
                         self.body.set_goal(goal);
                         self.target = Target::Action(action);

@@ -1,13 +1,15 @@
 //! All numbers of a mission in one place, with unit, meaning and reason.
 
-use octant_prompt::PromptConfig;
+use octant_prompt::{PromptConfig, PromptForm};
 use omni_perception::{EncoderTrack, LabelNames};
 use planner::{Battery, Geofence};
 use robot_model::RobotModel;
 use volumetric_map::VolumeConfig;
 
+use crate::ablation::{Ablation, Part};
 use crate::coverage::CoverageConfig;
 use crate::error::MissionError;
+use crate::link::LinkConfig;
 use crate::odometer::OdometrySource;
 use crate::rig::Rig;
 use crate::rooms::RoomConfig;
@@ -42,6 +44,10 @@ pub struct MissionConfig {
     /// From the snapshot to the answer of the embedded reasoner, default 0.2 s: a robot goes on while somebody thinks,
     /// and a replay must give the same bytes, so the delay is a number and not the clock.
     pub reasoning_latency_s: f64,
+    /// Instead of that: a model far away, whose calls take their time in the simulated world, default none.
+    pub link: Option<LinkConfig>,
+    /// What an experiment leaves out, default nothing.
+    pub without: Ablation,
     /// Two decisions are at least this far apart, default 1.0 s.
     pub decision_period_s: f64,
     /// Standing before the thing it went to, the robot looks at it for this long before it decides, default 2.5 s: five
@@ -72,6 +78,8 @@ pub struct MissionConfig {
     pub max_attempts: u32,
     /// Where an aerial robot may be, in the frame of its odometry, default anywhere.
     pub geofence: Option<Geofence>,
+    /// Horizontal field of view of camera and LiDAR, its middle straight ahead, default all round.
+    pub view_rad: f64,
     /// Battery of an aerial robot, default none: it counts as full. The stream says how full it is.
     pub battery: Option<Battery>,
     /// Where the robot may not be or may only be slow, default nowhere.
@@ -94,6 +102,8 @@ impl Default for MissionConfig {
             control_period_s: 0.02,
             first_look_s: 2.0,
             reasoning_latency_s: 0.2,
+            link: None,
+            without: Ablation::default(),
             decision_period_s: 1.0,
             close_look_s: 2.5,
             label_names: LabelNames::default(),
@@ -107,6 +117,7 @@ impl Default for MissionConfig {
             obstacle_memory_s: 2.1,
             max_attempts: 3,
             geofence: None,
+            view_rad: std::f64::consts::TAU,
             battery: None,
             zones: Zones::default(),
             vision: None,
@@ -129,6 +140,7 @@ impl MissionConfig {
             ("stop_distance_m", self.stop_distance_m),
             ("flight_height_m", self.flight_height_m),
             ("obstacle_memory_s", self.obstacle_memory_s),
+            ("view_rad", self.view_rad),
             ("max_attempts", f64::from(self.max_attempts)),
         ];
         let not_negative = [
@@ -145,6 +157,11 @@ impl MissionConfig {
         if let Some((name, value)) = not_negative.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
         }
+        if let Some((name, value)) = self.link.as_ref().and_then(LinkConfig::wrong) {
+            let accepted =
+                "a number that is not negative, a share from 0 to 1, or a longest time that is not below the shortest";
+            return Err(MissionError::Config { name, value, accepted });
+        }
         if let Some(battery) = &self.battery {
             battery.validate()?;
         }
@@ -153,6 +170,16 @@ impl MissionConfig {
 }
 
 impl MissionConfig {
+    /// Leaves parts of the method out.
+    pub fn leave_out(&mut self, without: Ablation) {
+        self.prompt.form = match (without.keeps(Part::Tiers), without.keeps(Part::Octants)) {
+            (false, _) => PromptForm::WithoutTiers,
+            (true, false) => PromptForm::WithoutOctants,
+            (true, true) => self.prompt.form,
+        };
+        self.without = without;
+    }
+
     /// Takes over what a rig says of the LiDAR's mount. The robot model must be fitted with the rig too ([`Rig::fitted`]).
     pub fn fit(&mut self, rig: &Rig) {
         if let OdometrySource::LidarInertial(lio) = &mut self.odometry {

@@ -10,6 +10,8 @@ use nalgebra::{Point2, Vector2};
 use rustc_hash::{FxHashMap, FxHashSet};
 use volumetric_map::{Cell, OccupancyGrid};
 
+use crate::goal::wrap;
+
 /// How coverage is judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoverageConfig {
@@ -59,6 +61,8 @@ pub struct Coverage {
     given_up: FxHashSet<(i32, i32)>,
     /// Cells that could not be reached.
     postponed: FxHashMap<(i32, i32), Postponed>,
+    /// How often the robot set out for a cell since nothing else is left.
+    trips: FxHashMap<(i32, i32), u32>,
     now_s: f64,
     /// Cells worth a look at the last update, and whether they border unmeasured space.
     interesting: BTreeMap<(i32, i32), bool>,
@@ -76,6 +80,7 @@ impl Coverage {
             inspected: FxHashSet::default(),
             given_up: FxHashSet::default(),
             postponed: FxHashMap::default(),
+            trips: FxHashMap::default(),
             now_s: 0.0,
             interesting: BTreeMap::new(),
             strictness: 1.0,
@@ -96,12 +101,20 @@ impl Coverage {
 
     /// Marks what the camera at `eye` sees on `slice`: every cell within range that no occupied or unknown cell hides.
     pub fn look(&mut self, eye: &Point2<f64>, slice: &OccupancyGrid) {
+        self.look_in_sector(eye, 0.0, std::f64::consts::TAU, slice);
+    }
+
+    /// The same for a camera that looks `heading_rad`, with a field of view of `view_rad`.
+    pub fn look_in_sector(&mut self, eye: &Point2<f64>, heading_rad: f64, view_rad: f64, slice: &OccupancyGrid) {
         let range_m = self.config.inspect_range_m;
         let step_m = 0.5 * slice.resolution_m.max(0.05);
         // Neighbouring rays are half a coverage cell apart at full range.
         let rays = (std::f64::consts::TAU * range_m / (0.5 * self.config.cell_m)).ceil() as usize;
         for ray in 0..rays {
             let bearing_rad = std::f64::consts::TAU * ray as f64 / rays as f64;
+            if wrap(bearing_rad - heading_rad).abs() > 0.5 * view_rad {
+                continue;
+            }
             let direction = Vector2::new(bearing_rad.cos(), bearing_rad.sin());
             let mut along_m = 0.0;
             while along_m <= range_m {
@@ -152,11 +165,28 @@ impl Coverage {
         self.frontiers.retain(|frontier| frontier.at != *at);
     }
 
+    /// The robot sets out for the patch round `at`. Once nothing else is left, that is worth two trips: a patch that shows only from afar, and
+    /// is gone when one comes near, would be gone to for ever.
+    pub fn set_out(&mut self, at: &Point2<f64>) {
+        const TRIPS: u32 = 2;
+        if self.strictness >= 1.0 {
+            return;
+        }
+        for cell in self.patch_round(at) {
+            let trips = self.trips.entry(cell).or_default();
+            *trips += 1;
+            if *trips > TRIPS {
+                self.given_up.insert(cell);
+            }
+        }
+    }
+
     /// Nothing counts as looked at any more: something is looked for that nobody looked for before.
     pub fn look_again(&mut self) {
         self.inspected.clear();
         self.given_up.clear();
         self.postponed.clear();
+        self.trips.clear();
         self.strictness = 1.0;
     }
 
@@ -438,6 +468,28 @@ mod tests {
         assert_eq!(coverage.frontiers(), &[], "a search ends");
         // The hall has four patches of three metres; each of them can break into a few while parts are left alone.
         assert!((8..60).contains(&tries), "{tries}");
+    }
+
+    /// A patch that shows from afar and is gone from nearby is neither reached nor failed: the trips to it are counted.
+    #[test]
+    fn what_shows_only_from_afar_is_gone_to_twice() {
+        let slice = hall();
+        let mut coverage = Coverage::new(CoverageConfig::default());
+        coverage.update(&slice, 0.0);
+        let first = coverage.frontiers().first().cloned().expect("a hall that nobody has seen");
+        (0..9).for_each(|_| coverage.set_out(&first.at));
+        coverage.update(&slice, 1.0);
+        assert!(coverage.frontiers().iter().any(|f| f.id == first.id), "not before all else is done");
+        coverage.reconsider();
+        let mut trips = 0;
+        for second in 2..400 {
+            coverage.update(&slice, f64::from(second));
+            let Some(frontier) = coverage.frontiers().first().cloned() else { break };
+            coverage.set_out(&frontier.at);
+            trips += 1;
+        }
+        assert_eq!(coverage.frontiers(), &[], "a search ends");
+        assert!((8..60).contains(&trips), "{trips}");
     }
 
     #[test]

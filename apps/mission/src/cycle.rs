@@ -71,10 +71,13 @@ impl Mission {
             && t_s >= self.config.first_look_s;
         if self.outcome.is_none() && can_think {
             self.remember_start();
+            self.wait_for_answer(t_s);
             self.take_answer(t_s);
-            if self.outcome.is_none() && self.is_returning() {
+            if self.outcome.is_none() && self.question.is_some() {
+                // It holds until somebody has said which one is meant.
+            } else if self.outcome.is_none() && self.is_returning() {
                 self.return_to_start(t_s);
-            } else if self.outcome.is_none() && self.must_think(t_s) {
+            } else if self.outcome.is_none() && !self.is_looking_round() && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }

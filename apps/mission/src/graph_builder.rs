@@ -10,7 +10,9 @@ use nalgebra::{Point3, Vector3};
 use omni_perception::OdometryEstimate;
 use volumetric_map::{Cell, DistanceField, LineOfSight, PlaceEvent, Volume};
 
+use crate::ablation::{Ablation, Part};
 use crate::coverage::Frontier;
+use crate::goal::wrap;
 use crate::relation_verifier::geometric_score;
 use crate::rooms::RoomMap;
 use crate::vision_verifier::VisionVerifier;
@@ -19,6 +21,25 @@ use crate::vision_verifier::VisionVerifier;
 const FRONTIER_BASE: u64 = 1 << 32;
 /// The robot itself.
 const SELF: AgentId = AgentId(0);
+
+/// What an image shows of the plane: from where, in which direction, how wide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sector {
+    /// The camera.
+    pub eye: Point3<f64>,
+    /// The middle of the view.
+    pub heading_rad: f64,
+    /// Its width; all round is a whole turn.
+    pub view_rad: f64,
+}
+
+impl Sector {
+    /// Whether the direction of a point is in the view.
+    pub fn holds(&self, point: &Point3<f64>) -> bool {
+        let way = point - self.eye;
+        wrap(way.y.atan2(way.x) - self.heading_rad).abs() <= 0.5 * self.view_rad
+    }
+}
 
 /// Settings and memory of the construction.
 #[derive(Debug, Clone, Default)]
@@ -31,9 +52,16 @@ pub struct GraphBuilder {
     frontiers: BTreeMap<dsg::PlaceId, Frontier>,
     last_pose_ns: i64,
     refusals: u64,
+    without: Ablation,
 }
 
 impl GraphBuilder {
+    /// Nothing built yet. `without` names the parts that an experiment leaves out.
+    pub fn new(without: &Ablation) -> GraphBuilder {
+        let association = AssociationConfig { counts_votes: without.keeps(Part::Vote), ..AssociationConfig::default() };
+        GraphBuilder { association, without: without.clone(), ..GraphBuilder::default() }
+    }
+
     /// How many changes the graph has refused since this was asked last. Every change is checked before anything of it is
     /// made, so a refusal leaves the graph as it was, and the next image or refresh tries again.
     pub fn take_refusals(&mut self) -> u64 {
@@ -59,14 +87,15 @@ impl GraphBuilder {
         graph: &mut SceneGraph,
         now_ns: i64,
         evidence: &[ObjectEvidence],
-        eye: &Point3<f64>,
+        view: &Sector,
         volume: &Volume,
     ) {
         const LOOK_RANGE_M: f64 = 3.5;
         let change = dsg::observe_objects(graph, evidence, &self.association);
         self.count(change);
         let looked_at = |object: &dsg::Object| -> Option<bool> {
-            if (object.centroid - eye).norm() > LOOK_RANGE_M {
+            let eye = &view.eye;
+            if (object.centroid - eye).norm() > LOOK_RANGE_M || !view.holds(&object.centroid) {
                 return None;
             }
             is_visible(eye, &object.bounds, volume).then(|| is_empty(&object.bounds, volume))
@@ -95,11 +124,13 @@ impl GraphBuilder {
             let change = self.update_rooms(graph, map, floor_m);
             self.count(change);
         }
+        let (prunes, verifies) = (self.without.keeps(Part::Pruning), self.without.keeps(Part::Verify));
         let blocked = |a: &Point3<f64>, b: &Point3<f64>| match field.line_of_sight(a, b, 0.0) {
-            LineOfSight::Blocked { at } => Some(at),
-            LineOfSight::Clear | LineOfSight::Unknown { .. } => None,
+            LineOfSight::Blocked { at } if prunes => Some(at),
+            _ => None,
         };
         let change = match vision {
+            _ if !verifies => dsg::update_relations(graph, &blocked, &|_, _, _| 1.0, &self.relations),
             None => dsg::update_relations(graph, &blocked, &geometric_score, &self.relations),
             Some(vision) => {
                 let answers = vision.settle(graph, self.relations.verify_threshold, odometry.stamp);

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::asking::QuestionEntry;
 use crate::stage_clock::StageClock;
 use crate::steering::ControlEntry;
 
@@ -42,6 +43,9 @@ pub struct DecisionEntry {
     pub confidence: f64,
     /// Where the robot believed to be: x, y, z, yaw.
     pub pose: [f64; 4],
+    /// What it asked instead of doing it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub question: Option<QuestionEntry>,
 }
 
 /// One line of a reasoning trace.

@@ -8,11 +8,13 @@
 //! independent crates of the house together and holds what only makes sense for a robot that has all of them. It does not know the
 //! simulator: the truth cannot reach it, for it does not compile.
 
+pub mod ablation;
 pub mod acting;
 mod air_checks;
 pub mod alignment;
 pub mod approach;
 pub mod archive;
+pub mod asking;
 pub mod autopilot;
 pub mod blind_spot;
 pub mod body;
@@ -24,6 +26,7 @@ pub mod cycle;
 pub mod drive;
 pub mod emergency;
 pub mod error;
+pub mod event_log;
 pub mod flanks;
 pub mod flight_limits;
 pub mod fly;
@@ -32,8 +35,10 @@ pub mod goal;
 pub mod graph_builder;
 pub mod http_post;
 pub mod journal;
+pub mod link;
 pub mod llm_reasoner;
 pub mod localisation;
+pub mod look_round;
 pub mod map_frame;
 pub mod mapping_run;
 pub mod mission;

@@ -2,16 +2,20 @@
 
 use dsg::PlaceId;
 use nalgebra::Isometry3;
-use octant_prompt::{Critic, Instruction, parse_instruction};
+use octant_prompt::{Critic, GroundingConfig, Instruction, parse_instruction};
 use omni_perception::{Equirectangular, OdometryEstimate, Stamp, TrackingStatus};
 use robot_model::RobotModel;
 
+use crate::ablation::Part;
 use crate::acting::{StepMemory, Target};
+use crate::asking::Question;
 use crate::body::Body;
 use crate::config::MissionConfig;
 use crate::error::MissionError;
 use crate::journal::Journal;
+use crate::link::Link;
 use crate::localisation::Lost;
+use crate::look_round::LookRound;
 use crate::odometer::Odometer;
 use crate::reasoning::{Mind, Pending};
 use crate::returning::WayHome;
@@ -46,6 +50,11 @@ pub struct StepDone {
     pub stamp: Stamp,
 }
 
+/// How expressions are matched, by reasoner and critic alike.
+pub fn grounding(config: &MissionConfig) -> GroundingConfig {
+    GroundingConfig { searches_by_steps: config.without.keeps(Part::Steps), ..GroundingConfig::default() }
+}
+
 /// One robot carrying out one instruction. Feed it with [`Mission::perceive`], ask it with [`Mission::cycle`].
 pub struct Mission {
     pub(crate) config: MissionConfig,
@@ -66,10 +75,15 @@ pub struct Mission {
     /// `None` while it thinks in another thread.
     pub(crate) reasoner: Option<Mind>,
     pub(crate) critic: Critic,
+    /// To a model far away.
+    pub(crate) link: Option<Link>,
     pub(crate) pending: Option<Pending>,
     pub(crate) target: Target,
     pub(crate) start: Stamp,
     pub(crate) next_refresh_s: f64,
+    pub(crate) looking: LookRound,
+    /// It has looked round where it stands.
+    pub(crate) has_looked: bool,
     pub(crate) next_sample_s: f64,
     pub(crate) next_decision_s: f64,
     pub(crate) standstill: Standstill,
@@ -90,6 +104,11 @@ pub struct Mission {
     pub(crate) unsure: u32,
     pub(crate) memory: StepMemory,
     pub(crate) asked_from: nalgebra::Point3<f64>,
+    /// Whether somebody answers questions.
+    pub(crate) may_ask: bool,
+    pub(crate) question: Option<Question>,
+    /// Questions about instructions before the present one.
+    pub(crate) asked_before: usize,
     /// In a known building, until the robot knows where in it it stands.
     pub(crate) lost: Option<Box<Lost>>,
 }
@@ -130,11 +149,14 @@ impl Mission {
             steps_done: Vec::new(),
             outcome: None,
             reasoner: Some(reasoner),
-            critic: Critic::default(),
+            critic: Critic { is_blind: !config.without.keeps(Part::Critic), grounding: grounding(&config) },
+            link: config.link.clone().map(Link::new),
             pending: None,
             target: Target::None,
             start,
             next_refresh_s: 0.0,
+            looking: LookRound::default(),
+            has_looked: false,
             next_sample_s: 0.0,
             next_decision_s: 0.0,
             standstill: Standstill::default(),
@@ -152,6 +174,9 @@ impl Mission {
             arrived_s: None,
             memory: StepMemory::default(),
             asked_from: nalgebra::Point3::from(world_from_body.translation.vector),
+            may_ask: false,
+            question: None,
+            asked_before: 0,
             lost: None,
             config,
         })
@@ -238,6 +263,9 @@ impl Mission {
 
     /// One line for people: what it is doing now.
     pub fn activity(&self) -> String {
+        if let (None, false, Some(question)) = (&self.outcome, self.is_interrupted, &self.question) {
+            return question.which.text.clone();
+        }
         match &self.outcome {
             Some(Outcome::Stopped { target, .. }) => format!("stopped at {target}"),
             Some(Outcome::GaveUp { reason }) => reason.clone(),

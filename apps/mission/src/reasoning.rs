@@ -6,7 +6,10 @@
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use octant_prompt::vocabulary::{Class, class_similarity};
-use octant_prompt::{Action, Attempt, CritiqueCode, Estimate, Reasoner, SymbolicReasoner, TokenCounter};
+use octant_prompt::{
+    Action, Attempt, Critique, CritiqueCode, Estimate, Prompt, Reasoner, ReasonerError, Reply, Situation,
+    SymbolicReasoner, TokenCounter, parse_reply,
+};
 
 use crate::acting::Target;
 use crate::goal::{Goal, GoalStatus};
@@ -29,6 +32,8 @@ pub struct Pending {
 enum Waiting {
     /// The embedded reasoner has answered; the answer counts from this time on.
     Due(f64, Box<Answer>),
+    /// In an earlier run nobody waited for the answer.
+    Never,
     /// A model is thinking in another thread; it gives itself back with the answer.
     Thread(Receiver<(Box<dyn Reasoner + Send>, Answer)>),
 }
@@ -49,6 +54,16 @@ impl Mission {
                         return false;
                     }
                 }
+                // Who came to look for something looks round first, if it has to turn for that.
+                if matches!(self.target, Target::Action(Action::Explore(_)))
+                    && !self.sees_all_round()
+                    && !self.has_looked
+                {
+                    self.has_looked = true;
+                    self.look_round();
+                    return false;
+                }
+                self.has_looked = false;
                 let looked_since_s = self.arrived_s.take();
                 self.arrived(looked_since_s);
                 return true;
@@ -121,10 +136,30 @@ impl Mission {
         let answer = match self.reasoner.take() {
             Some(Mind::Embedded(mut reasoner)) => {
                 let (critic, config) = (&self.critic, &self.config);
-                let answer =
-                    self.journal.clock.time("reasoning", || snapshot.decide(reasoner.as_mut(), critic, config));
+                let link = &mut self.link;
+                let (answer, due_s) = self.journal.clock.time("reasoning", || match link {
+                    Some(link) => {
+                        let mut far = link.to(reasoner.as_mut(), t_s);
+                        let answer = snapshot.decide(&mut far, critic, config);
+                        (answer, far.done_s())
+                    }
+                    None => (snapshot.decide(reasoner.as_mut(), critic, config), t_s + config.reasoning_latency_s),
+                });
+                if let Some(trouble) = reasoner.take_trouble() {
+                    self.journal.notes.push((t_s, trouble));
+                }
                 self.reasoner = Some(Mind::Embedded(reasoner));
-                Waiting::Due(t_s + self.config.reasoning_latency_s, Box::new(answer))
+                Waiting::Due(due_s, Box::new(answer))
+            }
+            Some(Mind::Recorded(recorded)) => {
+                let (critic, config) = (&self.critic, &self.config);
+                // A question whose answer nobody wanted any more has none.
+                let waiting = recorded.iter().find(|decision| (decision.asked_s - t_s).abs() < 1e-6).map(|decision| {
+                    let mut reasoner = Recorded { name: &decision.name, replies: decision.replies.iter() };
+                    Waiting::Due(decision.decided_s, Box::new(snapshot.decide(&mut reasoner, critic, config)))
+                });
+                self.reasoner = Some(Mind::Recorded(recorded));
+                waiting.unwrap_or(Waiting::Never)
             }
             Some(Mind::Remote(mut reasoner)) => {
                 let (sender, receiver) = std::sync::mpsc::channel();
@@ -161,7 +196,7 @@ impl Mission {
         let Pending { asked_s, revision, pose, answer, is_dropped } = pending;
         let answer = match answer {
             Waiting::Due(due_s, answer) if t_s >= due_s => *answer,
-            Waiting::Due(..) => {
+            Waiting::Due(..) | Waiting::Never => {
                 self.pending = Some(Pending { asked_s, revision, pose, answer, is_dropped });
                 return;
             }
@@ -214,7 +249,9 @@ impl Mission {
             Ok(()) => {
                 entry.verdicts.push("accepted".into());
                 self.journal.decisions.push(entry);
-                self.act(action, t_s);
+                if !self.asks_first(&action, &now, t_s) {
+                    self.act(action, t_s);
+                }
             }
             Err(critique) => {
                 entry.verdicts.push(format!("rejected at revision {}: {}", now.graph.revision(), critique.message));
@@ -271,14 +308,49 @@ impl Mission {
             is_fallback: record.is_fallback,
             confidence: reply.map_or(0.0, |reply| reply.confidence),
             pose,
+            question: None,
         }
     }
 }
 
 /// Who reasons for a mission.
 pub enum Mind {
-    /// Answers at once; its delay is a number, so that a replay gives the same bytes.
+    /// The simulated world waits for it; its delay is a number, so that a replay gives the same bytes.
     Embedded(Box<dyn Reasoner + Send>),
     /// Takes its time in another thread.
     Remote(Box<dyn Reasoner + Send>),
+    /// Says what it said in an earlier run, and when: for its replay.
+    Recorded(Vec<RecordedDecision>),
+}
+
+/// What a model said to one question of an earlier run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedDecision {
+    /// When it was asked.
+    pub asked_s: f64,
+    /// When the answer came in.
+    pub decided_s: f64,
+    /// Its replies, one for each try; `None` where none came or it could not be read.
+    pub replies: Vec<Option<String>>,
+    /// Its name.
+    pub name: String,
+}
+
+/// The replies of one decision.
+struct Recorded<'a> {
+    name: &'a str,
+    replies: std::slice::Iter<'a, Option<String>>,
+}
+
+impl Reasoner for Recorded<'_> {
+    fn decide(&mut self, _: &Situation, prompt: &Prompt, _: &[Critique]) -> Result<Reply, ReasonerError> {
+        match self.replies.next() {
+            Some(Some(text)) => Ok(parse_reply(text, &prompt.names)?),
+            Some(None) | None => Err(ReasonerError::Unreachable),
+        }
+    }
+
+    fn name(&self) -> &str {
+        self.name
+    }
 }

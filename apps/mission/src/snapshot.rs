@@ -41,6 +41,8 @@ pub struct Snapshot {
     stop_distance_m: f64,
     asked_from: Point3<f64>,
     last_action: Option<Action>,
+    may_ask: bool,
+    meant: Option<ObjectId>,
 }
 
 impl Snapshot {
@@ -72,6 +74,8 @@ impl Snapshot {
             stop_distance_m: self.stop_distance_m,
             asked_from: Some(self.asked_from),
             last_action: self.last_action.as_ref(),
+            may_ask: self.may_ask,
+            meant: self.meant,
             ..Situation::new(&self.graph, self.world_from_body, &self.instruction, &path_length, &can_stop)
         };
         use_it(&situation)
@@ -89,7 +93,7 @@ impl Snapshot {
                 situation,
                 &prompt,
                 config.max_retries,
-                &mut SymbolicReasoner::default(),
+                &mut SymbolicReasoner { grounding: critic.grounding.clone() },
             );
             Answer { prompt, record }
         })
@@ -109,6 +113,7 @@ impl Mission {
         let here = Point2::from(odometry.world_from_body.translation.vector.xy());
         self.remember_room(&odometry.world_from_body);
         let now_s = self.seconds(odometry.stamp);
+        let meant = self.meant();
         let reach = self.reach_from(&here);
         let graph = self.world.graph.snapshot();
         let eye_m = self.world.floor_m + self.world.camera_height_m();
@@ -164,6 +169,8 @@ impl Mission {
                 Target::Action(action) => Some(action.clone()),
                 Target::None | Target::Start => None,
             },
+            may_ask: self.may_ask && !self.memory.any_will_do,
+            meant,
             graph,
         })
     }

@@ -28,6 +28,10 @@ pub enum Control {
     Resume,
     /// End the mission: stand, or come down.
     Cancel,
+    /// Somebody is there to be asked which of several things is meant.
+    AskMe,
+    /// The answer to what the robot asked.
+    Answer(String),
     /// Forget the goal and do this; also for a robot that has done, or given up, what it was told before.
     Instruct(String),
 }
@@ -49,6 +53,9 @@ pub enum ControlError {
         "the new instruction names nothing to go to; say for example \"find the mug near the sink\" or \"go to the kitchen\""
     )]
     NoGoal,
+    /// An answer to no question.
+    #[error("the robot has not asked anything")]
+    NothingAsked,
     /// More than 2000 bytes.
     #[error("the new instruction is too long; at most {LONGEST_BYTES} bytes are read")]
     TooLong,
@@ -66,23 +73,31 @@ pub struct ControlEntry {
 }
 
 impl Control {
-    /// What a line means: three words, and everything else is an instruction.
+    /// What a line means: `pause`, `resume`, `cancel`, `ask me`, `answer: ...`, and everything else is an instruction.
     pub fn from_line(line: &str) -> Control {
-        match line.trim().to_lowercase().as_str() {
+        const ANSWER: &str = "answer:";
+        let line = line.trim();
+        if let Some(answer) = line.get(..ANSWER.len()).filter(|start| start.eq_ignore_ascii_case(ANSWER)) {
+            return Control::Answer(line[answer.len()..].trim().to_owned());
+        }
+        match line.to_lowercase().as_str() {
             "pause" => Control::Pause,
             "resume" => Control::Resume,
             "cancel" => Control::Cancel,
-            _ => Control::Instruct(line.trim().to_owned()),
+            "ask me" => Control::AskMe,
+            _ => Control::Instruct(line.to_owned()),
         }
     }
 
     /// The line that means this.
-    pub fn line(&self) -> &str {
+    pub fn line(&self) -> String {
         match self {
-            Control::Pause => "pause",
-            Control::Resume => "resume",
-            Control::Cancel => "cancel",
-            Control::Instruct(text) => text,
+            Control::Pause => "pause".into(),
+            Control::Resume => "resume".into(),
+            Control::Cancel => "cancel".into(),
+            Control::AskMe => "ask me".into(),
+            Control::Answer(text) => format!("answer: {text}"),
+            Control::Instruct(text) => text.clone(),
         }
     }
 }
@@ -170,6 +185,12 @@ impl Mission {
                 self.cancel(now);
                 Ok(())
             }
+            Control::AskMe => {
+                self.ask_me();
+                Ok(())
+            }
+            Control::Answer(text) if text.len() > LONGEST_BYTES => Err(ControlError::TooLong),
+            Control::Answer(text) => self.hear_answer(text, now),
         };
         self.write_down(control, now, done.err().map(|error| error.to_string()));
         done
@@ -239,6 +260,8 @@ impl Mission {
         self.steps_done.clear();
         self.step_index = 0;
         self.memory = StepMemory::default();
+        self.question = None;
+        self.asked_before = self.questions_asked();
         self.unsure = 0;
         self.way_home.forgive();
         if let Some(odometry) = &self.world.odometry {
@@ -258,10 +281,11 @@ impl Mission {
     }
 
     /// The body stands or hovers; what it was after counts neither as reached nor as failed.
-    fn drop_goal(&mut self) {
+    pub(crate) fn drop_goal(&mut self) {
         self.target = Target::None;
         self.stands_before_target = false;
         self.arrived_s = None;
+        self.looking.left = 0;
         self.body.set_goal(Goal::Stay);
     }
 }

@@ -14,6 +14,7 @@ use omni_perception::{
 use robot_model::{RobotKind, RobotModel};
 use volumetric_map::{Cell, DistanceField, OccupancyGrid, PlaceConfig, PlaceGraph, Volume};
 
+use crate::ablation::Part;
 use crate::blind_spot::BlindSpot;
 use crate::config::MissionConfig;
 use crate::coverage::Coverage;
@@ -184,7 +185,7 @@ impl WorldModel {
             obstacles: VecDeque::new(),
             gathered: (None, Vec::new()),
             label_ids: BTreeMap::new(),
-            builder: GraphBuilder::default(),
+            builder: GraphBuilder::new(&config.without),
             frame: Frame::Waiting(Vec::new()),
             odometry: None,
             battery_charge: None,
@@ -445,7 +446,7 @@ impl WorldModel {
             self.builder.update(
                 &mut self.graph,
                 &events,
-                self.rooms.as_ref(),
+                self.rooms.as_ref().filter(|_| self.config.without.keeps(Part::Rooms)),
                 self.coverage.frontiers(),
                 &self.field,
                 &odometry,

@@ -4,10 +4,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use arena::arms::{Arms, Setting};
+use arena::bench_arms::BenchArms;
 use arena::bench_coverage::{BenchCoverage, Coverage, bench_coverage};
 use arena::bench_map::{BenchMap, bench_map};
-use arena::bench_nav::{BenchNav, bench_nav};
+use arena::bench_nav::{BenchNav, Given, bench_nav};
 use arena::cli::{load_robot, stop_at_ctrl_c};
+use arena::instructions::{Answers, open_instructions};
 use arena::map_score::MapScore;
 use arena::map_score::ratio::{Ratio, Spread};
 use arena::mission::robot_model::RobotKind;
@@ -53,8 +56,8 @@ struct SceneOptions {
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
     /// Factor on what the segmenter gets wrong
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
-    noise: f64,
+    #[arg(long, default_value = "1", value_name = "FACTOR", value_delimiter = ',', value_parser = Setting::noise)]
+    noise: Vec<Setting>,
     /// Keep the folder of every scene below DIR
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -68,25 +71,12 @@ struct SceneOptions {
 
 impl SceneOptions {
     /// The scenes to run: all, or those asked for.
-    fn indices(&self) -> Result<Vec<usize>> {
-        let scenes = self.scenes;
+    fn indices(&self, scenes: usize) -> Result<Vec<usize>> {
         anyhow::ensure!(scenes > 0, "--scenes must be at least 1");
         if let Some(index) = self.only.iter().find(|index| **index >= scenes) {
             anyhow::bail!("--only {index}: there are {scenes} scenes, numbered from 0");
         }
         Ok(if self.only.is_empty() { (0..scenes).collect() } else { self.only.clone() })
-    }
-
-    /// The configuration of a run, with the noise that was asked for.
-    fn config(&self) -> Result<RunConfig> {
-        let noise = self.noise;
-        anyhow::ensure!(
-            noise.is_finite() && noise >= 0.0,
-            "--noise must be a number that is not negative, not {noise}"
-        );
-        let mut config = RunConfig::default();
-        config.simulation.segmenter.noise_scale = noise;
-        Ok(config)
     }
 }
 
@@ -107,6 +97,16 @@ pub struct NavOptions {
     /// The robot has surveyed each building before, and does not know where in it it stands
     #[arg(long)]
     known: bool,
+    /// Run the instructions of FILE instead of drawn ones, a JSON object a line: {"scene": "flat"|17, "text": "...", "targets": [ids of
+    /// true objects; none: there is no such thing, and the robot must say so], "kind": "typo"}; also "rooms", "steps", "start", "seed"
+    /// (documentation of arena::instructions)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scenes", "seed"])]
+    instructions: Option<PathBuf>,
+    #[command(flatten)]
+    arms: ArmOptions,
+    /// Somebody answers when the robot asks which one is meant: lines {"scene": 17, "text": "...", "answer": "the one near the sink"}
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
     #[command(flatten)]
     buildings: BuildingOptions,
 }
@@ -115,26 +115,159 @@ pub struct NavOptions {
 pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let asked = &options.scenes;
     let kind = RobotKind::from(asked.robot);
-    let indices = asked.indices()?;
+    let robot = load_robot(asked.urdf.as_deref(), kind)?;
+    let instructions = options.instructions.as_deref().map(|path| open_instructions(path, &robot)).transpose()?;
+    let answers = options.answers.as_deref().map(Answers::open).transpose()?;
+    let indices = asked.indices(instructions.as_ref().map_or(asked.scenes, Vec::len))?;
+    let given = Given { instructions: instructions.as_deref(), answers: answers.as_ref() };
     let max_time_s = options.max_time;
     anyhow::ensure!(
         max_time_s.is_finite() && max_time_s > 0.0,
         "--max-time must be a positive number of seconds, not {max_time_s}"
     );
-    let mut config = RunConfig { max_time_s, ..asked.config()? };
+    let mut config = RunConfig { max_time_s, ..RunConfig::default() };
     config.simulation.crowd.people = options.people;
     config.simulation.crowd.heeds_robot = !options.heedless;
-    let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
     let buildings = options.buildings.read()?;
-    let (keep, known) = (asked.keep.as_deref(), options.known);
-    let result = bench_nav(&robot, kind, &indices, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop)?;
-    if asked.json {
-        arena::say!("{}", serde_json::to_string(&result)?);
-    } else {
-        print_table(&indices, &result);
+    let arms = options.arms.arms(&asked.noise)?;
+    let mut results = Vec::new();
+    for (name, config) in arms.configs(&config) {
+        let keep = asked.keep.as_ref().map(|keep| if arms.varied.is_empty() { keep.clone() } else { keep.join(&name) });
+        let known = options.known;
+        let result = bench_nav(
+            &robot,
+            kind,
+            &indices,
+            given,
+            asked.seed,
+            &config,
+            &buildings,
+            known,
+            keep.as_deref(),
+            asked.quiet,
+            &stop,
+        )?;
+        if !asked.json {
+            if !arms.varied.is_empty() {
+                arena::say!("\n== {} {name}", arms.varied[0].option());
+            }
+            print_table(&indices, &result);
+            if options.instructions.is_some() {
+                print_kinds(&result);
+            }
+        }
+        results.push((name, result));
+    }
+    match (arms.varied.first(), results.pop()) {
+        (None, Some((_, result))) if asked.json => arena::say!("{}", serde_json::to_string(&result)?),
+        (Some(varied), Some(last)) => {
+            results.push(last);
+            let result = BenchArms::new(varied.option(), results);
+            if asked.json {
+                arena::say!("{}", serde_json::to_string(&result)?);
+            } else {
+                print_arms(&result);
+            }
+        }
+        _ => {}
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What an experiment sets; of one option several values may be given, with commas between them: each is an arm, run over the same
+/// buildings, starts and seeds, and compared with the first.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Experiments (several values of one of them, with commas between, are compared)")]
+pub struct ArmOptions {
+    /// LiDAR and camera all round, or 90 degrees ahead: omni, narrow
+    #[arg(long, value_name = "WORD", value_delimiter = ',', value_parser = Setting::sensing)]
+    sensing: Vec<Setting>,
+    /// Text of the prompt, ours or a flat list of everything: octant, flat
+    #[arg(long, value_name = "WORD", value_delimiter = ',', value_parser = Setting::prompt)]
+    prompt: Vec<Setting>,
+    /// Mount of the LiDAR: rotating, fixed
+    #[arg(long, value_name = "WORD", value_delimiter = ',', value_parser = Setting::lidar)]
+    lidar: Vec<Setting>,
+    /// Leave a part out: none, rooms, pruning, verify, octants, tiers, steps, critic, vote
+    #[arg(long, value_name = "WORD", value_delimiter = ',', value_parser = Setting::ablate)]
+    ablate: Vec<Setting>,
+    /// True poses that drift in place of the robot's own odometry: factor on half a per cent of the way and half a degree in 10 m
+    #[arg(long, value_name = "FACTOR", value_delimiter = ',', value_parser = Setting::drift)]
+    drift: Vec<Setting>,
+    /// Factor on noise and biases of the IMU
+    #[arg(long, value_name = "FACTOR", value_delimiter = ',', value_parser = Setting::imu_noise)]
+    imu_noise: Vec<Setting>,
+    /// The reasoner answers so late, in simulated seconds, as a model far away would: 2, or 0.1..15 for a draw at every call
+    #[arg(long, value_name = "S", value_delimiter = ',', value_parser = Setting::latency)]
+    llm_latency: Vec<Setting>,
+    /// Share of its calls that are lost; after 20 s without an answer the reasoner on board takes the step
+    #[arg(long, value_name = "SHARE", value_delimiter = ',', value_parser = Setting::loss)]
+    llm_loss: Vec<Setting>,
+    /// It cannot be reached from second AT on, for FOR seconds
+    #[arg(long, value_name = "AT+FOR", value_delimiter = ',', value_parser = Setting::outage)]
+    llm_outage: Vec<Setting>,
+}
+
+impl ArmOptions {
+    /// What is kept and what is varied.
+    fn arms(&self, noise: &[Setting]) -> Result<Arms> {
+        Arms::new(&[
+            &self.sensing,
+            &self.prompt,
+            &self.lidar,
+            &self.ablate,
+            noise,
+            &self.drift,
+            &self.imu_noise,
+            &self.llm_latency,
+            &self.llm_loss,
+            &self.llm_outage,
+        ])
+    }
+}
+
+fn print_arms(result: &BenchArms) {
+    arena::say!(
+        "\n{:12} {:>4} {:>22} {:>6} {:>9} {:>6} {:>9} {:>9} {:>7}",
+        result.varied,
+        "n",
+        "right (95 %)",
+        "SPL",
+        "tokens",
+        "dec",
+        "turned",
+        "sighting",
+        "sim s"
+    );
+    for arm in &result.arms {
+        let f = &arm.figures;
+        let [low, high] = f.success.interval_95;
+        let sighting = f.first_sighting_s.map_or("-".to_owned(), |s| format!("{s:.1} s"));
+        arena::say!(
+            "{:12} {:4} {:>22} {:6.3} {:9.0} {:6.1} {:5.1} rad {sighting:>9} {:7.1}",
+            arm.name,
+            f.n,
+            format!("{:.3} ({low:.2} to {high:.2})", f.success.value),
+            f.spl,
+            f.tokens,
+            f.decisions,
+            f.turned_in_place_rad,
+            f.sim_s
+        );
+    }
+    arena::say!("\ndifference to {} in the same runs, with 95 % intervals", result.arms[0].name);
+    for paired in &result.paired {
+        for (name, estimate, decimals) in paired.rows() {
+            let [low, high] = estimate.interval_95;
+            let clear = if estimate.is_clear() { "" } else { "   (not clear)" };
+            arena::say!(
+                "  {:10} {name:21} {:+.decimals$} ({low:+.decimals$} to {high:+.decimals$}){clear}",
+                paired.name,
+                estimate.value
+            );
+        }
+    }
 }
 
 fn print_table(indices: &[usize], result: &BenchNav) {
@@ -180,6 +313,15 @@ fn print_table(indices: &[usize], result: &BenchNav) {
         result.realtime_factor,
         result.wall_s
     );
+}
+
+fn print_kinds(result: &BenchNav) {
+    arena::say!("\nkind                  n  right   rate  95 %             SPL");
+    for (kind, figures) in &result.by_kind {
+        let spl = figures.spl.map_or("-".to_owned(), |spl| format!("{spl:.2}"));
+        let [low, high] = figures.wilson_95;
+        arena::say!("{kind:18} {:4} {:6} {:6.3}  {low:.3} to {high:.3}  {spl}", figures.n, figures.right, figures.rate);
+    }
 }
 
 /// Options of `bench coverage`.
@@ -248,7 +390,10 @@ pub struct MapOptions {
 pub fn map(options: &MapOptions) -> Result<ExitCode> {
     let asked = &options.scenes;
     let kind = RobotKind::from(asked.robot);
-    let (indices, config) = (asked.indices()?, asked.config()?);
+    let indices = asked.indices(asked.scenes)?;
+    let [noise] = asked.noise[..] else { anyhow::bail!("--noise takes one number here") };
+    let mut config = RunConfig::default();
+    noise.apply(&mut config);
     let robot = load_robot(asked.urdf.as_deref(), kind)?;
     let stop = stop_at_ctrl_c()?;
     let result = bench_map(&robot, kind, &indices, asked.seed, &config, asked.keep.as_deref(), asked.quiet, &stop)?;

@@ -31,6 +31,7 @@ mod refer_page;
 mod reg_lab;
 mod reg_model;
 mod register;
+mod replay;
 mod rooms;
 
 use std::process::ExitCode;
@@ -72,6 +73,8 @@ enum Command {
     PlanGround(plan_ground::PlanGroundOptions),
     /// Which objects sentences mean: the grounder on recorded rooms with labelled boxes, scored
     Refer(refer::ReferOptions),
+    /// Runs the robot's side of a recorded run again, from its sensors alone, and compares the decisions
+    Replay(replay::ReplayOptions),
     /// Judges a run again, from its truth/ alone
     Judge(judge::JudgeOptions),
     /// Measures the whole system and its parts
@@ -113,6 +116,7 @@ fn main() -> ExitCode {
         Command::PlanAir(options) => plan_air::run(&options),
         Command::PlanGround(options) => plan_ground::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
+        Command::Replay(options) => replay::run(&options),
         Command::Judge(options) => judge::run(&options),
         Command::Bench(BenchCommand::Patrol(options)) => bench_patrol::run(&options),
         Command::Bench(BenchCommand::Coverage(options)) => bench::coverage(&options),

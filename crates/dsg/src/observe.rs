@@ -40,6 +40,8 @@ pub struct ObjectEvidence {
 /// How views become objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AssociationConfig {
+    /// Whether frames vote for an object's label (Eq. 4); if not, the newest view decides. Default true.
+    pub counts_votes: bool,
     /// Views with fewer finite points are skipped. Default 4.
     pub min_points: usize,
     /// Views below this score are skipped. Default 0.05.
@@ -79,6 +81,7 @@ pub struct AssociationConfig {
 impl Default for AssociationConfig {
     fn default() -> AssociationConfig {
         AssociationConfig {
+            counts_votes: true,
             min_points: 4,
             min_score: 0.05,
             overlap: 0.3,
@@ -284,6 +287,9 @@ fn fold(object: &mut Object, memory: &mut ObjectMemory, view: &View, is_first: b
         object.centroid = bounds.center();
     }
 
+    if !config.counts_votes {
+        object.votes.clear();
+    }
     // OmniVLN Eq. 4: one vote per frame, shared among the labels of its points, weighted by the score.
     add_votes(&mut object.votes, &view.labels, f64::from(view.score));
     (object.label, object.label_margin) = winner(&object.votes);

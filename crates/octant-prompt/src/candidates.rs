@@ -8,6 +8,7 @@ use dsg::{ObjectId, PlaceId, RoomId};
 use crate::action::{Action, Target};
 use crate::grounding::{GroundingConfig, Match, Scene, ground, room_score};
 use crate::instruction::{RoomReference, SpatialRelation, StepKind, Superlative};
+use crate::premise;
 use crate::search::{self, SearchPlace};
 use crate::situation::Situation;
 use crate::symbolic::is_doubtful;
@@ -28,6 +29,9 @@ pub struct Candidates {
     pub places: Vec<SearchPlace>,
     /// The best answer that is good enough to act on now.
     pub chosen: Option<Choice>,
+    /// Known things that answer to every word of the step as well as the chosen one, itself included, the nearest first. More than one:
+    /// the words do not say which is meant. Empty where they pick one themselves ("the nearest"), and where any will do.
+    pub equals: Vec<ObjectId>,
 }
 
 /// An object that may be meant.
@@ -74,17 +78,18 @@ pub fn candidates(situation: &Situation, config: &GroundingConfig) -> Candidates
             room: None,
             places: Vec::new(),
             chosen: None,
+            equals: Vec::new(),
         };
     };
     let room = step.goal.room.clone().or_else(|| context_room(situation));
     let rooms = rooms(situation, room.as_ref(), &scene);
     let objects = if step.kind == StepKind::FindObject { objects(situation, &scene, config) } else { Vec::new() };
-    let places = search::places(situation, &scene, &rooms);
-    let mut out = Candidates { scene, objects, rooms, room, places, chosen: None };
-    out.chosen = match step.kind {
+    let places = search::places(situation, &scene, &rooms, config.searches_by_steps);
+    let mut out = Candidates { scene, objects, rooms, room, places, chosen: None, equals: Vec::new() };
+    (out.chosen, out.equals) = match step.kind {
         StepKind::FindObject => choose_object(situation, &out, config),
-        StepKind::GoToRoom => choose_room(situation, &out, config),
-        StepKind::ReturnToStart => None,
+        StepKind::GoToRoom => (choose_room(situation, &out, config), Vec::new()),
+        StepKind::ReturnToStart => (None, Vec::new()),
     };
     out
 }
@@ -157,9 +162,23 @@ fn objects(situation: &Situation, scene: &Scene, config: &GroundingConfig) -> Ve
         .collect()
 }
 
-fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingConfig) -> Option<Choice> {
-    let step = situation.step()?;
+/// The choice, and what answers as well as it.
+fn choose_object(
+    situation: &Situation,
+    known: &Candidates,
+    config: &GroundingConfig,
+) -> (Option<Choice>, Vec<ObjectId>) {
+    const NOTHING: (Option<Choice>, Vec<ObjectId>) = (None, Vec::new());
+    let Some(step) = situation.step() else { return NOTHING };
     let goal = &step.goal;
+    if let Some(meant) = situation.meant {
+        // Somebody said so; no other will do.
+        let Some(candidate) = known.object(meant).filter(|candidate| candidate.path_m.is_some()) else {
+            return NOTHING;
+        };
+        let choice = Choice { target: Target::Object(meant), confidence: candidate.found.class, is_guess: false };
+        return (Some(choice), Vec::new());
+    }
     let searching = known.has_search_left();
     // A room of the step before is a preference, not a condition: outside it an object counts less, and only once that room is seen.
     let preferred = |candidate: &ObjectCandidate| {
@@ -192,37 +211,58 @@ fn choose_object(situation: &Situation, known: &Candidates, config: &GroundingCo
                 && (preferred(candidate) || !room_is_open)
         })
         .collect();
-    let may_be_beaten = searching && needs_whole_map(goal, known);
+    let equals = equals(situation, &pool, known);
+    // "The mug" says that there is one: with somebody to ask, the robot looks whether that is so before it stops at the first.
+    let may_have_equals = situation.may_ask && !goal.is_any && goal.is_bare() && equals.len() < 2;
+    let may_be_beaten = searching && (needs_whole_map(goal, known) || may_have_equals);
     if !pool.is_empty() && !may_be_beaten {
-        return pick(situation, &pool, &weight, false);
+        return (pick(situation, &pool, &weight, false), equals);
     }
     if searching {
-        return None;
+        return NOTHING;
     }
-    if !pool.is_empty() {
-        return pick(situation, &pool, &weight, false);
-    }
-    // Nothing is left to search. The best guess, if the expression is merely unproven rather than false.
-    let anchors_unknown = goal.relations.iter().any(|clause| {
-        !clause.negated
-            && clause.anchors.iter().any(|anchor| {
-                let best = ground(anchor, &known.scene, &situation.viewer());
-                best.first().is_none_or(|best| best.total < 0.3 || best.class <= STAND_IN)
-            })
-    });
-    let room_unknown = goal.room.is_some() && known.rooms.first().is_none_or(|room| room.score < 0.3);
     let guesses: Vec<&ObjectCandidate> = known
         .objects
         .iter()
+        .filter(|candidate| candidate.path_m.is_some() && premise::may_be_meant(candidate, situation, known, config))
+        .collect();
+    (pick(situation, &guesses, &weight, true), Vec::new())
+}
+
+/// Those of the pool that answer to every word as well as its best. Weights play no part: of two mugs near a sink the nearer one is
+/// no more meant.
+fn equals(situation: &Situation, pool: &[&ObjectCandidate], known: &Candidates) -> Vec<ObjectId> {
+    /// Scores of class and attributes closer than this say the same.
+    const SAME: f64 = 0.9;
+    let Some(step) = situation.step().filter(|step| !step.goal.is_any && !step.goal.picks_one()) else {
+        return Vec::new();
+    };
+    if step.goal.class.is_plural {
+        return Vec::new(); // "find the mugs": the first will do
+    }
+    let best = |of: fn(&Match) -> f64| pool.iter().map(|candidate| of(&candidate.found)).fold(0.0, f64::max);
+    let (class, attributes) = (best(|found| found.class), best(|found| found.attributes));
+    let mut equals: Vec<&&ObjectCandidate> = pool
+        .iter()
         .filter(|candidate| {
+            let is_confirmed = situation.graph.object(candidate.found.id).is_some_and(|object| object.confirmed);
             let found = &candidate.found;
-            let own = found.class >= config.accept && found.attributes >= config.accept_attributes;
-            let relation_ok = anchors_unknown || found.weakest_relation >= config.accept_relation;
-            let room_ok = room_unknown || found.room >= config.accept_relation;
-            candidate.path_m.is_some() && (found.total >= config.accept_at_last || (own && relation_ok && room_ok))
+            is_confirmed && found.class >= SAME * class && found.attributes >= SAME * attributes
         })
         .collect();
-    pick(situation, &guesses, &weight, true)
+    equals.sort_by(|a, b| {
+        let way = |candidate: &ObjectCandidate| candidate.path_m.unwrap_or(f64::INFINITY);
+        way(a).total_cmp(&way(b)).then(a.found.id.cmp(&b.found.id))
+    });
+    // A box in a box is the same thing, seen twice.
+    let mut apart: Vec<&&ObjectCandidate> = Vec::new();
+    for candidate in equals {
+        let bounds = |candidate: &ObjectCandidate| known.scene.things[candidate.found.index].bounds;
+        if apart.iter().all(|other| bounds(other).intersection(&bounds(candidate)).is_none()) {
+            apart.push(candidate);
+        }
+    }
+    apart.into_iter().map(|candidate| candidate.found.id).collect()
 }
 
 /// Extremes over the whole scene are known only when the scene is ("the largest box"); "nearest" and sides are judged on what is seen.

@@ -77,6 +77,8 @@ pub struct Critique {
 pub struct Critic {
     /// The thresholds the symbolic reasoner uses, so that both mean the same by "this is it".
     pub grounding: GroundingConfig,
+    /// For experiments: accepts everything. Default false.
+    pub is_blind: bool,
 }
 
 impl Critic {
@@ -86,6 +88,9 @@ impl Critic {
     /// The first objection found.
     pub fn check(&self, action: &Action, situation: &Situation, prompt_revision: u64) -> Result<(), Critique> {
         let object = |code, message: String| Err(Critique { code, action: Some(action.clone()), message });
+        if self.is_blind {
+            return Ok(());
+        }
         let Some(step) = situation.step() else {
             return object(CritiqueCode::TargetMismatch, "The instruction has no further step.".into());
         };
@@ -104,6 +109,11 @@ impl Critic {
             && situation.has_failed(action)
         {
             return object(CritiqueCode::Repeat, "This was tried and failed.".into());
+        }
+        if let (Some(meant), Some(other)) = (situation.meant, action.object())
+            && meant != other
+        {
+            return object(CritiqueCode::TargetMismatch, format!("A person said that {meant} is meant."));
         }
         match action {
             Action::TurnTo(_) if situation.last_action == Some(action) => {

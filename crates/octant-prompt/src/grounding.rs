@@ -28,8 +28,11 @@ pub struct GroundingConfig {
     /// Least class, relation and room score of an answer that ends the search although reachable places are left. Default 0.72: a
     /// general word for a special thing (0.7: "desk" for "reception desk") and a room of doubtful kind are not enough.
     pub accept_while_searching: f64,
-    /// Least total of the best guess once nothing is left to search. Default 0.12.
+    /// Least score of a room that is taken for the one that is named once nothing is left to search. Default 0.12.
     pub accept_at_last: f64,
+    /// Whether a search weighs where such things are usual and what a way would show ([`crate::search`]); if not, the nearest place is next.
+    /// Default true.
+    pub searches_by_steps: bool,
 }
 
 impl Default for GroundingConfig {
@@ -40,6 +43,7 @@ impl Default for GroundingConfig {
             accept_attributes: 0.4,
             accept_while_searching: 0.72,
             accept_at_last: 0.12,
+            searches_by_steps: true,
         }
     }
 }
@@ -74,6 +78,8 @@ pub struct Match {
     pub class: f64,
     /// Colours, materials, other words.
     pub attributes: f64,
+    /// The least of them.
+    pub weakest_attribute: f64,
     /// Room and storey.
     pub room: f64,
     /// The weakest relation.
@@ -166,6 +172,7 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
                 index,
                 class,
                 attributes: 1.0,
+                weakest_attribute: 1.0,
                 room: 1.0,
                 weakest_relation: 1.0,
                 total: class * thing.trust,
@@ -180,11 +187,11 @@ fn matches(goal: &Referring, scene: &Scene, viewer: &Viewer, depth: usize) -> Ve
     let room_scores = rooms(goal, scene, viewer);
     for each in &mut found {
         let thing = &scene.things[each.index];
-        each.attributes = goal
-            .attributes
-            .iter()
-            .map(|attribute| attribute_score(attribute.kind, &attribute.word, attribute.negated, thing))
-            .product();
+        for attribute in &goal.attributes {
+            let score = attribute_score(attribute.kind, &attribute.word, attribute.negated, thing);
+            each.attributes *= score;
+            each.weakest_attribute = each.weakest_attribute.min(score);
+        }
         // A thing that no room holds yet may stand in any.
         each.room = room_scores.as_ref().map_or(1.0, |scores| thing.room.map_or(0.4, |room| scores[room]));
         each.total *= each.attributes * each.room;

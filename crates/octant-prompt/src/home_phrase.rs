@@ -36,6 +36,11 @@ const STARTS: &[&str] = &[
     "originally",
 ];
 
+/// All of them.
+pub(crate) fn way_home_words() -> impl Iterator<Item = &'static str> {
+    GOING.iter().chain(LINKS).chain(STARTS).copied()
+}
+
 /// Whether a clause is about the way back to the start and about nothing else: "go back to the kitchen" is not, "come back" is.
 pub(crate) fn is_way_home(clause: &[Token]) -> bool {
     let words = || clause.iter().flat_map(|token| token.text.split(' ')).filter(|word| *word != ",");

@@ -16,6 +16,9 @@ pub struct Instruction {
     pub text: String,
     /// Steps to be done in this order.
     pub steps: Vec<Step>,
+    /// Words that nobody knows and what they were taken for.
+    #[serde(default)]
+    pub readings: Vec<Reading>,
 }
 
 impl Instruction {
@@ -30,6 +33,11 @@ impl Instruction {
                     && !nouns.contains(&referring.class.text)
                 {
                     nouns.push(referring.class.text.clone());
+                    for other in referring.class.said.iter().chain(&referring.class.also) {
+                        if !nouns.contains(other) {
+                            nouns.push(other.clone());
+                        }
+                    }
                 }
             });
         }
@@ -43,6 +51,17 @@ impl Instruction {
         let named = self.steps.iter().filter_map(|step| step.goal.room.clone());
         named.filter(|room| !room.name.is_empty()).collect()
     }
+}
+
+/// A word and what it was taken for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// As it was written, normalised.
+    pub said: String,
+    /// The word of the vocabulary.
+    pub meant: String,
+    /// How sure, in (0, 1): one less the share of the word that had to be changed.
+    pub confidence: f64,
 }
 
 /// One step.
@@ -90,6 +109,9 @@ pub struct Referring {
     /// The things among which it is one: "of the 5 chairs closest to the door, ...".
     #[serde(default)]
     pub among: Option<Box<Among>>,
+    /// "a", "any", "one of the": whichever will do. "The" says that there is one only.
+    #[serde(default)]
+    pub is_any: bool,
 }
 
 /// Some things that are set apart before one of them is meant.
@@ -102,6 +124,21 @@ pub struct Among {
 }
 
 impl Referring {
+    /// Whether the words themselves pick one of several: an extreme, an order, a size.
+    pub fn picks_one(&self) -> bool {
+        let by_distance = |relation| matches!(relation, SpatialRelation::Closest | SpatialRelation::Farthest);
+        self.ordinal.is_some()
+            || self.among.is_some()
+            || !self.superlatives.is_empty()
+            || self.attributes.iter().any(|attribute| matches!(attribute.kind, AttributeKind::Size(_)))
+            || self.relations.iter().any(|clause| by_distance(clause.relation))
+    }
+
+    /// "the mug", and nothing else is said of it: whoever speaks like that takes it for the only one.
+    pub fn is_bare(&self) -> bool {
+        let says_nothing_else = self.attributes.is_empty() && self.relations.is_empty() && self.room.is_none();
+        says_nothing_else && self.excluded_rooms.is_empty() && self.floor.is_none() && !self.picks_one()
+    }
     /// The clause by which an ordinal counts ("the second chair from the window"), by position; None if it counts by a superlative.
     pub fn ordinal_clause(&self) -> Option<usize> {
         let by_distance = |clause: &RelationClause| {

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
+use crate::home_phrase::way_home_words;
 use crate::instruction::{Floor, SpatialRelation as R, Superlative as S, ViewKind};
 use crate::vocabulary::singular_phrase;
 
@@ -83,7 +84,11 @@ pub struct Token {
 /// Reads a text. Bounded; never fails. `is_class` tells whether a (singular) phrase is the name of a class: such a phrase of several words
 /// is one word here, even if it holds a word of the grammar (`trash can`, `chest of drawers`).
 pub fn tokens(text: &str, is_class: &dyn Fn(&str) -> bool) -> Vec<Token> {
-    let words = words(text);
+    tokens_of(&words(text), is_class)
+}
+
+/// The same for words that were read before.
+pub(crate) fn tokens_of(words: &[String], is_class: &dyn Fn(&str) -> bool) -> Vec<Token> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < words.len() && out.len() < MAX_TOKENS {
@@ -123,7 +128,7 @@ fn numeral_ordinal(word: &str) -> Option<u32> {
 }
 
 /// Lower-case words and the marks `,` and `.`.
-fn words(text: &str) -> Vec<String> {
+pub(crate) fn words(text: &str) -> Vec<String> {
     let mut end = text.len().min(MAX_TEXT_BYTES);
     while !text.is_char_boundary(end) {
         end -= 1;
@@ -159,6 +164,12 @@ static PHRASES: LazyLock<HashMap<&'static str, Option<Mark>>> = LazyLock::new(||
     }
     map
 });
+
+/// All phrases of the grammar.
+pub(crate) fn phrases() -> impl Iterator<Item = &'static str> {
+    let lines = ROWS.iter().map(|(_, phrases)| *phrases).chain([FILLERS]);
+    lines.flat_map(|line| line.split(',')).map(str::trim).chain(ADVERBS.iter().copied()).chain(way_home_words())
+}
 
 /// Words of the longest phrase that begins with a word.
 static PHRASE_WORDS: LazyLock<HashMap<&'static str, usize>> = LazyLock::new(|| {
@@ -199,7 +210,9 @@ const ADVERBS: &[&str] = &[
 ];
 
 /// Words that say nothing about what is meant.
-const FILLERS: &str = "correct, much, specific, particular, particularly, please, hey, robot, kindly, now, quickly, slowly, me, \
+const FILLERS: &str = "pls, plz, be possible, be possible to, would it be possible to, is it possible to, it possible to, be so kind as to, be so kind and, be so kind to, so kind as to, be kind enough to, kind enough to, be so good as to, \
+    would you mind, do you mind, if you please, if you would, if you could, if possible, right away, thanks, thank you, in advance, ok, okay, well, oh, um, uh, excuse me, sorry, dear, buddy, mate, for me, with me, for us, today, quick, asap, real quick, good morning, good evening, \
+    i think, i guess, i believe, i suppose, maybe, perhaps, somewhere around here, around here, over there, that would be nice, would be nice, correct, much, specific, particular, particularly, please, hey, robot, kindly, now, quickly, slowly, me, \
     carefully, hello, hi, so, but, currently, kind of, sort of, would, could, can, will, should, must, do, does, for, only, two, three, four, five, six, seven, eight, nine, ten, several, few, many, multiple, more, most, \
     from the side you sit on it, from the side you sit on, tucked, tucked away, pushed, lined up, pushed in, set up, turned, \
     pair of, set of, row of, stack of, pile of, group of, couple of";
@@ -251,12 +264,12 @@ const ROWS: &[(Mark, &str)] = &[
         finally, and finally, subsequently, once there, from there, when you are there, secondly"),
     (Mark::Determiner, "the, a, an, some, this, these, those, any, its, their, my, your, our, another, other, each, every, both, \
         either, all, his, her"),
-    (Mark::Pronoun, "that, which, who, it, there, they, that there, you, we, i, whose, what, where, youre, you want, you are \
+    (Mark::Pronoun, "that, which, who, it, there, they, that there, you, we, i, whose, what, where, youre, u, you want, you are \
         looking for, we want, you need"),
     (Mark::Copula, "is, are, was, be, were, thats, its the, located, placed, situated, positioned, standing, sitting, lying, \
         laying, resting, found, hanging, stands, sits, lies, being, can be found, set, mounted, kept, theres, seen, stored, placed right, leaning, am, you see, appears, seems, looks"),
     (Mark::Of, "of, out of"),
-    (Mark::From, "from, starting from, counting from, when counted from, through, via, to"),
+    (Mark::From, "from, starting from, counting from, when counted from, through, via, to, toward, towards"),
     (Mark::One, "one, ones"),
     (Mark::Verb, "find, go, go to, go near, go towards, go toward, go over to, go up to, go back to, go and find, \
         approach, locate, look for, search for, search, get to, get, navigate to, navigate, walk to, walk over \
@@ -265,7 +278,14 @@ const ROWS: &[(Mark, &str)] = &[
         me, visit, reach, stop at, stop near, stop next to, stop beside, stop by, stop in front of, fetch, bring \
         me, bring, inspect, check, check on, look at, come to, travel to, proceed to, run to, choose, select, \
         pick, pick out, identify, point to, point at, i want, i need, we need, want, where is, where are, \
-        wheres, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
+        wheres, where s, where do i find, where can i find, where could i find, where will i find, where can one find, i left, i forgot, i lost, \
+        i dropped, i misplaced, we left, have you seen, did you see, do you see, tell me where, show me where, show us, give me, hand me, \
+        get me, get me to, deliver me to, drive me to, walk me to, fly me to, carry me to, escort me to, direct me to, point me to, \
+        help me find, i am looking for, im looking for, we are looking for, i would like, id like, i would like to see, id like to see, \
+        i want to see, i need to see, i want to go to, i need to go to, i want to get to, i need to get to, i have to go to, i have to get to, \
+        i would like to go to, id like to go to, find me, find us, drive up to, walk up to, \
+        run over to, make your way to, bring the robot to, bring the robot, bring us to, take us to, lead us to, drive over to, drive yourself to, \
+        put yourself, place yourself, position yourself, station yourself, place yourself at, park at, park near, wait at, you are looking for, youre looking for, click, click on, go find, can you find, can you go to, could you find, \
         return to, return, come back, come back to, go back, head back, head back to, fly back, fly back to, walk back, walk \
         back to, drive back, drive back to, get back, get back to, continue to, look, hunt for, seek, discover, spot, stop"),
     (Mark::Enter, "enter, go into, go in, walk into, move into, drive into, fly into, step into, head into, go inside, get \

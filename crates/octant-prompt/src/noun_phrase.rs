@@ -14,7 +14,10 @@ impl Parser<'_> {
         let mut has_noun = false;
         loop {
             match self.mark() {
-                Some(Mark::Determiner | Mark::Pronoun | Mark::Copula) => self.at += 1,
+                Some(Mark::Determiner | Mark::Pronoun | Mark::Copula) => {
+                    out.is_any |= leaves_it_open(&self.tokens[self.at].text);
+                    self.at += 1;
+                }
                 Some(Mark::Not) if depth == 0 && self.mark_at(1) == Some(Mark::Word) => self.at += 1,
                 Some(Mark::Superlative(superlative)) => {
                     self.at += 1;
@@ -49,7 +52,10 @@ impl Parser<'_> {
                 Some(Mark::One) => {
                     self.at += 1;
                     if self.mark() == Some(Mark::Of) {
-                        self.at += 1; // "one of the chairs"
+                        // "one of the chairs" is any, "the black one of the chairs" is not.
+                        let before = self.at.checked_sub(2).map(|before| self.tokens[before].mark);
+                        out.is_any = !matches!(before, Some(Mark::Determiner | Mark::Word));
+                        self.at += 1;
                     } else {
                         out.class = Class::new("one");
                         has_noun = true;
@@ -219,6 +225,11 @@ impl Parser<'_> {
         }
         Class::new(&words.join(" "))
     }
+}
+
+/// Articles that leave it open which one is meant.
+fn leaves_it_open(article: &str) -> bool {
+    matches!(article, "a" | "an" | "any" | "some" | "another" | "either")
 }
 
 /// Colour or material word as an attribute.

@@ -12,11 +12,13 @@
 
 use crate::home_phrase::is_way_home;
 use crate::instruction::{
-    Among, Floor, Instruction, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind, Superlative,
-    View, ViewKind,
+    Among, Floor, Instruction, Reading, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind,
+    Superlative, View, ViewKind,
 };
-use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens};
-use crate::vocabulary::{Class, canonical};
+use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens, tokens_of, words};
+use crate::purpose::{Also, named};
+use crate::spelling::respelled;
+use crate::vocabulary::{Class, canonical, is_known, singular_phrase};
 
 /// Deepest nesting of noun phrases that is followed.
 pub(crate) const MAX_DEPTH: usize = 6;
@@ -33,20 +35,90 @@ const MAX_STEPS: usize = 16;
 /// assert_eq!(instruction.nouns(), ["mug", "table"]);
 /// ```
 pub fn parse_instruction(text: &str) -> Instruction {
-    let all = tokens(text, &|phrase| canonical(phrase).is_some());
+    let (words, mut readings) = respelled(plain(words(text)));
+    let (words, uses, also) = named(words);
+    let all = tokens_of(&words, &|phrase| canonical(phrase).is_some());
     let mut steps = Vec::new();
+    let mut are_said = Vec::new();
     for clause in split_steps(&all) {
         if is_way_home(clause) {
             steps.push(Step { kind: StepKind::ReturnToStart, goal: Referring::default() });
         } else if let Some(step) = Parser::new(clause, &[]).step() {
             steps.push(step);
+        } else {
+            continue;
         }
+        are_said.push(!clause.iter().any(|token| matches!(token.mark, Mark::Verb | Mark::Enter)));
         if steps.len() == MAX_STEPS {
             break;
         }
     }
+    leave_out_talk(&mut steps, &are_said);
     resolve_pronouns(&mut steps);
-    Instruction { text: bounded(text), steps }
+    for step in &mut steps {
+        visit_mut(&mut step.goal, &mut |goal| keep_what_was_said(&mut goal.class, &readings, &also));
+    }
+    readings.extend(uses);
+    Instruction { text: bounded(text), steps, readings }
+}
+
+/// "bedroom number 2" is bedroom 2, and "a mug or a cup" is a mug first of all.
+fn plain(words: Vec<String>) -> Vec<String> {
+    let is_number = |word: Option<&String>| word.is_some_and(|word| word.bytes().all(|byte| byte.is_ascii_digit()));
+    let is_kept = |at: &usize| !(matches!(words[*at].as_str(), "number" | "nr" | "no") && is_number(words.get(at + 1)));
+    let word = |at: usize| match words[at].as_str() {
+        "or" => ",".to_owned(),
+        // "take me 2 the kitchen"
+        "2" if matches!(words.get(at + 1).map(String::as_str), Some("the" | "my" | "a")) && at > 0 => "to".to_owned(),
+        word => word.to_owned(),
+    };
+    (0..words.len()).filter(is_kept).map(word).collect()
+}
+
+/// "I am tired, find the bed": a clause without a verb of going or finding, about what nobody has a word for, is no step beside one that
+/// is. So is one about nothing but "a place".
+fn leave_out_talk(steps: &mut Vec<Step>, are_said: &[bool]) {
+    let is_vague = |goal: &Referring| {
+        goal.relations.is_empty()
+            && goal.room.is_none()
+            && matches!(goal.class.text.as_str(), "place" | "somewhere" | "spot" | "thing")
+    };
+    let names = |step: &Step| step.kind != StepKind::FindObject || is_known(&step.goal.class);
+    let is_talk = |step: &Step, is_said: bool| !names(step) && (is_said || is_vague(&step.goal));
+    if steps.iter().zip(are_said).all(|(step, is_said)| is_talk(step, *is_said)) {
+        return;
+    }
+    let mut index = 0;
+    steps.retain(|step| {
+        index += 1;
+        !is_talk(step, are_said[index - 1])
+    });
+}
+
+/// What was written for the words of a class, and the classes that are meant as much.
+fn keep_what_was_said(class: &mut Class, readings: &[Reading], also: &Also) {
+    for reading in readings {
+        let (said, meant) = (singular_phrase(&reading.said), singular_phrase(&reading.meant));
+        let is_in_it = format!(" {} ", class.text).contains(&format!(" {meant} "));
+        if is_in_it {
+            let text = class.said.take().unwrap_or_else(|| class.text.clone());
+            class.said = Some(text.replace(&meant, &said));
+        }
+    }
+    if let Some((_, others)) = also.iter().find(|(first, _)| *first == class.canonical) {
+        class.also.clone_from(others);
+    }
+}
+
+/// Calls `visit` for the expression and every nested one.
+fn visit_mut(goal: &mut Referring, visit: &mut dyn FnMut(&mut Referring)) {
+    visit(goal);
+    for anchor in goal.relations.iter_mut().flat_map(|clause| &mut clause.anchors) {
+        visit_mut(anchor, visit);
+    }
+    for room in goal.room.iter_mut().chain(&mut goal.excluded_rooms) {
+        room.contains.iter_mut().for_each(|content| visit_mut(content, visit));
+    }
 }
 
 /// Parses one referring expression ("the chair left of the desk, facing the window"), never splitting it into steps. `known_classes` are

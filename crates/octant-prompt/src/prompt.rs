@@ -10,6 +10,7 @@ use dsg::{PlaceId, SceneGraph};
 use nalgebra::{Isometry3, Point3};
 
 use crate::budget::fit;
+use crate::forms;
 use crate::instruction::Instruction;
 use crate::names::NameTable;
 use crate::parser::parse_instruction;
@@ -32,6 +33,22 @@ pub struct PromptConfig {
     pub max_caption_words: usize,
     /// How ordinals are given. Default [`Naming::Rank`].
     pub naming: Naming,
+    /// Which text. Default [`PromptForm::Octant`].
+    pub form: PromptForm,
+}
+
+/// The text of a prompt: ours, or one that experiments measure it against ([`crate::forms`]).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PromptForm {
+    /// Octants and tiers, within the budget.
+    #[default]
+    Octant,
+    /// Every room, object and place with its coordinates, objects with captions; no budget.
+    Flat,
+    /// Every object with octant, distance and caption, however far; no budget.
+    WithoutTiers,
+    /// Tiers, but coordinates in place of octants; no budget.
+    WithoutOctants,
 }
 
 /// The smallest budget that is guaranteed for any graph and any instruction.
@@ -55,6 +72,7 @@ impl Default for PromptConfig {
             max_captions: 3,
             max_caption_words: 40,
             naming: Naming::Rank,
+            form: PromptForm::Octant,
         }
     }
 }
@@ -121,6 +139,9 @@ pub fn build_prompt_for(situation: &Situation, config: &PromptConfig, counter: &
     if instruction.steps.len() > 1 && situation.step_index > 0 {
         instruction.text =
             format!("{} (step {} of {})", instruction.text, situation.step_index + 1, instruction.steps.len());
+    }
+    if config.form != PromptForm::Octant {
+        return forms::prompt(situation, &instruction, &config, counter);
     }
     build(
         situation.graph,

@@ -37,7 +37,8 @@ pub struct SearchPlace {
 }
 
 /// All reachable search places, best first (ties by id). Places that failed before are left out.
-pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> Vec<SearchPlace> {
+/// Without `by_steps` the nearest comes first, whatever it is.
+pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate], by_steps: bool) -> Vec<SearchPlace> {
     /// A way that shows so much counts 1, metres squared; a door into a room of which nothing is known.
     const FULL_GAIN_M2: f64 = 8.0;
     /// What a way counts that shows next to nothing, for the count may be wrong; and one that shows much.
@@ -123,7 +124,7 @@ pub fn places(situation: &Situation, scene: &Scene, rooms: &[RoomCandidate]) -> 
             is_frontier,
             is_in_wanted_room,
             likelihood,
-            value: likelihood * gain * loyalty / (path_m + OVERHEAD_M),
+            value: if by_steps { likelihood * gain * loyalty } else { loyalty } / (path_m + OVERHEAD_M),
         });
     }
     out.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.id.cmp(&b.id)));

@@ -44,6 +44,10 @@ pub struct Situation<'a> {
     pub asked_from: Option<Point3<f64>>,
     /// The action before this one.
     pub last_action: Option<&'a Action>,
+    /// Whether there is somebody who can say which of several things is meant.
+    pub may_ask: bool,
+    /// The thing that somebody said is meant.
+    pub meant: Option<ObjectId>,
 }
 
 impl<'a> Situation<'a> {
@@ -72,6 +76,8 @@ impl<'a> Situation<'a> {
             stop_distance_m: 1.0,
             asked_from: None,
             last_action: None,
+            may_ask: false,
+            meant: None,
         }
     }
 

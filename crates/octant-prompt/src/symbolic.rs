@@ -15,6 +15,7 @@ use crate::grounding::GroundingConfig;
 use crate::instruction::{Step, StepKind};
 use crate::names::NameTable;
 use crate::octant::octant_of;
+use crate::premise;
 use crate::prompt::Prompt;
 use crate::reasoner::{Reasoner, ReasonerError, ReasoningStep, Reply, TraceStep};
 use crate::search::usual_rooms;
@@ -62,7 +63,7 @@ impl SymbolicReasoner {
             },
             None => match known.places.first() {
                 Some(place) => Action::Explore(place.id),
-                None => Action::GiveUp { reason: reason_to_give_up(step, &known) },
+                None => Action::GiveUp { reason: premise::reason_to_give_up(step, situation, &known) },
             },
         };
         let trace = trace(situation, step, &known, &action.text(names), &action);
@@ -114,30 +115,6 @@ pub(crate) fn is_doubtful(situation: &Situation, id: dsg::ObjectId, asked: &crat
             object.label_margin < SETTLED_MARGIN
                 || (!asked.text.is_empty() && crate::vocabulary::class_similarity(asked, &label) < SAME_KIND)
         })
-}
-
-fn reason_to_give_up(step: &Step, known: &Candidates) -> String {
-    let goal = &step.goal;
-    if step.kind == StepKind::GoToRoom {
-        let blocked = known.rooms.iter().any(|room| room.score >= 0.5);
-        return if blocked {
-            format!("I know the {goal}, but found no way into it.")
-        } else {
-            format!("I searched everywhere I can reach and found no {goal}.")
-        };
-    }
-    let class = &goal.class.text;
-    let fitting = known.objects.iter().filter(|candidate| candidate.is_accepted).count();
-    let of_class = known.objects.iter().filter(|candidate| candidate.found.class >= 0.6).count();
-    if fitting > 0 {
-        format!("I know where the {goal} is, but found no way to it.")
-    } else if of_class > 0 {
-        format!(
-            "I searched everywhere I can reach and found {of_class} of class {class}, but none that fits \"{goal}\"."
-        )
-    } else {
-        format!("I searched everywhere I can reach and found no {class}.")
-    }
 }
 
 /// The four steps in words; `named` is the action with the names of the prompt.

@@ -21,6 +21,12 @@ pub struct Class {
     /// Whether it was written as a plural.
     #[serde(default)]
     pub is_plural: bool,
+    /// What was written, where that is no word anybody knows and this one is taken to be meant (`chiar`).
+    #[serde(default)]
+    pub said: Option<String>,
+    /// Other classes that are meant as much ("something to sit on": chair, and sofa, and stool), in their canonical words.
+    #[serde(default)]
+    pub also: Vec<String>,
 }
 
 impl Class {
@@ -29,7 +35,7 @@ impl Class {
         let said = normalise(text);
         let text = singular_phrase(&said);
         let canonical = canonical(&text).unwrap_or(&text).to_string();
-        Class { is_plural: said != text, text, canonical }
+        Class { is_plural: said != text, text, canonical, said: None, also: Vec::new() }
     }
 
     /// True for words that stand for any object ("thing", "object", "one", "item").
@@ -46,9 +52,17 @@ impl Class {
 /// How well the class `label` answers to the asked class, in [0, 1].
 ///
 /// 1 same words, 0.95 synonym, 0.8 a kind of it (`office chair` for `chair`), 0.55 the general word for a special one, 0.5 look-alike
-/// (`cup` for `mug`), else 0. The last two stay below [`crate::grounding::GroundingConfig::accept`] on purpose: they are worth a closer look after the
+/// (`cup` for `mug`), else 0. A word that was respelled counts 0.9 of that, and 1 for what bears the word as it was written: there may
+/// be such things. Another class that is meant as much counts 0.95. The last two of the list stay below [`crate::grounding::GroundingConfig::accept`] on purpose: they are worth a closer look after the
 /// search, not a stop.
 pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
+    /// Trust in a word that was written otherwise: below the very word, and enough to stop at a kind of it.
+    const RESPELLED: f64 = 0.9;
+    let Some(said) = &asked.said else { return similarity_of_words(asked, label) };
+    if *said == label.text { 1.0 } else { RESPELLED * similarity_of_words(asked, label) }
+}
+
+fn similarity_of_words(asked: &Class, label: &Class) -> f64 {
     if asked.is_wildcard() {
         return 0.6;
     }
@@ -58,7 +72,7 @@ pub fn class_similarity(asked: &Class, label: &Class) -> f64 {
     if asked.text == label.text {
         return 1.0;
     }
-    if asked.canonical == label.canonical {
+    if asked.canonical == label.canonical || asked.also.contains(&label.canonical) {
         return 0.95;
     }
     let ends_with_word = |long: &str, short: &str| {
@@ -109,6 +123,11 @@ pub fn is_kind_of(label: &str, noun: &str) -> bool {
 pub fn functional_group(class: &Class) -> &'static str {
     let of = |name: &str| TABLES.group.get(name).copied();
     of(&class.canonical).or_else(|| of(class.head())).unwrap_or("other")
+}
+
+/// Whether any table knows the class.
+pub fn is_known(class: &Class) -> bool {
+    canonical(&class.text).is_some() || canonical(class.head()).is_some()
 }
 
 /// True when an object of this class is small enough to be seen only from within a few metres.
@@ -205,6 +224,23 @@ pub fn material(word: &str) -> Option<&'static str> {
 /// The canonical name of a class phrase that the tables know (already normalised and singular).
 pub fn canonical(phrase: &str) -> Option<&'static str> {
     TABLES.canonical.get(phrase).copied()
+}
+
+/// All names of classes that a table knows.
+pub(crate) fn class_phrases() -> impl Iterator<Item = &'static str> {
+    TABLES.canonical.keys().copied()
+}
+
+/// All names of room kinds.
+pub(crate) fn room_names() -> impl Iterator<Item = &'static str> {
+    TABLES.kind_of_name.keys().copied()
+}
+
+/// Colours, materials, and classes that have no synonyms.
+pub(crate) fn word_lists() -> impl Iterator<Item = &'static str> {
+    let classes = TABLES.stand_ins.iter().flat_map(|(class, names)| names.iter().chain([class])).copied();
+    let usual = TABLES.affinities.keys().chain(TABLES.group.keys()).chain(TABLES.large.iter()).copied();
+    TABLES.colors.keys().chain(TABLES.materials.keys()).copied().chain(classes).chain(usual)
 }
 
 /// Lower case, letters, digits and single spaces only (`-`, `_` and other marks become spaces; apostrophes vanish).

@@ -363,3 +363,131 @@ rubber
 wicker, rattan
 glass, glassy
 ";
+
+/// Ordinary words that are spelled right though they are close to one of ours: nobody who says them means the other.
+pub const ORDINARY: &str = "\
+chain tower trowel owl coach beach peach boat goat moat coal coats lamb limp lump camp damp ramp stamp clamp pear pearl bear deer hair \
+pair stair air fair flair choir cello cellar collar dollar color colour plane plan planet plank plain planter crane crate cradle \
+candy canoe cane cone cage cake case cash cast castle cattle battle rattle bottles bottleneck table stable cable label fable tablet \
+bath bathe path math moth mouth month south north mouse moose goose loose louse house horse hose rose nose pose nurse purse curse \
+pool tool wool fool spool stole stone stool stove store storm story star stain start state stamp stall stem steam stew stick still \
+sting stock stop drawer draw drum dress drink drip drive drop broom bloom groom room boom doom brush crush bread breed break brick bride \
+bridge fridge ridge brief bring broad broth brother bucket jacket racket rocket pocket socket ticket wicket basket casket biscuit blanket \
+planket bench bunch branch lunch punch trench wench bell belt bend best nest pest rest test vest west bet bit bite byte bike like lake \
+bake cap cat cap cop cow crow crown cub cube cud cuff cup cut cute cutter butter mutton button better letter litter leather feather \
+weather whether father mother rather ladder lather bladder leader reader header heater eater meter metre heat seat meat neat beat boot \
+boots root foot food wood hood mood moon noon spoon soon sand hand band land wand stand brand grand grandma grandpa baby lady man woman \
+boy girl dog puppy kitten cat bird fish snake horse pony sheep pig hen duck duke lion tiger elephant giraffe zebra dragon unicorn \
+dinosaur mermaid pirate robot train rain brain drain grain car cart card cord corn horn born barn bar bark park dark shark sharp shape \
+ship shop shirt short shore shelf self shell sheet shed shadow shovel shower flower tower power lower slower follower tractor truck \
+track trick brick bus taxi tram van plane helicopter submarine rocket ship yacht canoe kayak surfboard skateboard snowboard sled sledge \
+ski skis trumpet trombone violin viola flute harp organ drum drums accordion banjo tent rope hammock swing slide sandbox trampoline \
+treadmill dumbbell barbell aquarium terrarium fountain statue globe map flag anvil hammer nail saw drill wrench pliers screw screwdriver \
+axe sword knight shield crown throne altar fork spoon ladle tray jar jug lid pin pen pan pot pit pet put pat net nut not hut hat hit hot \
+rat bat mat sat fat rug rag tag tap top tip tie toe tea ten tin ton son sun gun fun run bun bin fin win wing ring king sing song long \
+sock socks glove gloves scarf shawl skirt trousers jeans shorts belt boots sandal slipper necklace bracelet watch wallet key keys coin \
+coins money bill bills letter letters stamp stamps envelope parcel gift present balloon kite puzzle doll dice chess cards deck clown \
+camera tripod lens film radio stereo record records turntable headphones microphone charger battery cable socket plug switch fuse \
+bread cheese milk egg eggs ham meat rice pasta pizza soup salad onion potato tomato carrot lemon orange melon grape cherry berry nut \
+cookie cookies chocolate sugar salt pepper oil honey jam beer wine juice water ice cream hand hands foot feet head face eye eyes ear ears \
+mouth tooth teeth leg legs arm arms back knee finger here hear were wear ware where there their then than them they thin think thing things \
+this that these those what when which while who whom whose why how about after again all also always am among another are away because \
+been before being below both but came come could day does done down each even ever every few first from gave give given good got great \
+had has have her hers him his home into its just keep kept kind knew know large last least left less let like little live look made make \
+many may maybe mine more most much must myself never new next nice night none nothing now number off often old once only other our ours out \
+over own part people perhaps place put quite rather ready really right said same saw say see seen sent set several shall she should show \
+side since small some soon still such sure take taken tell than thank thanks time times today together told tomorrow tonight too took \
+toward tried try turn two under until upon use used using usual very wait walk want wanted was way well went were wet whole will wish \
+with within without word work world would write year yes yesterday yet you young your yours myself yourself himself herself itself ourselves \
+hungry thirsty tired cold warm hot dirty clean wash washed washes watch watches cook cooks cooked cooking sleep sleeps slept sleeping eat \
+eats eating drink drinks drinking read reads reading sit sits sitting boil boils boiled boiling bake bakes baked baking dry dries dried \
+drying hang hangs hung iron irons sweep sweeps throw throws threw thrown trash call calls called print prints printed copy copies copied \
+please friend friends guest guests guy guys sir madam dude buddy mate hello okay sorry excuse quick quickly asap around anywhere somewhere \
+edge base piece kind type direction length roll portion section middle center top bottom row pair stack pile group bunch couple cluster line \
+nowhere everywhere someone somebody anyone anybody nobody everyone everybody fire fires smoke burn burns burning light lights bright dark \
+sauna gym garden yard balcony terrace roof attic chapel theater theatre cinema museum school hospital office floor ceiling wall walls \
+";
+
+/// What things are for: `classes: one use, another use`; each use a few words that all have to be said, in any form.
+pub const USES: &str = "\
+kettle: boil water, boiled water, hot water, heat water, make tea, brew tea, cup tea
+coffee machine: make coffee, brew coffee, get coffee, want coffee, need coffee, have coffee, cup coffee, drink coffee, espresso, cappuccino
+sink: wash hand, clean hand, rinse, wash dish, brush tooth, brush teeth, wash face
+dishwasher: dirty plate, dirty dish, clean plate machine, wash plate, clean dish, clean dish machine, wash dish machine, wash dish automatically
+washing machine: wash clothes, wash shirt, wash trousers, do laundry, clean clothes, wash laundry, wash sock, dirty clothes machine, launder
+dryer: dry clothes, dry laundry, dry shirt, dry sock, wet clothes
+fridge: cold drink, keep cold, keep food, cool food, cool drink, keep milk, cold milk, food cold, food fresh, stay cold, cold beer, store food, keep cool
+stove: cook, fry, simmer, boil pasta, boil egg, cook food, heat pan
+oven: bake, roast, bake cake, bake bread, bake pizza
+microwave: warm food, warm up food, heat food, heat meal, warm meal, reheat, leftover, warm lunch, heat lunch
+toaster: toast, toast bread, make toast, brown bread
+bed: sleep, lie down, nap, go to sleep, lay down, spend night, take rest
+chair, office chair, armchair, sofa, stool, bench: sit, sit down, take seat, have seat
+lamp, table lamp, floor lamp: light to read, give light, light up, turn light, more light, shine
+tv: watch film, watch movie, watch news, watch show, watch series, watch football, watch match, watch program
+printer: print, print document, print page, print letter
+photocopier: make copy, copy document, copy page, copy letter, duplicate, copy paper, photocopy
+phone: make call, call somebody, call someone, call mother, ring somebody, dial, phone call, call friend, call home
+keyboard: type, type text, press letter
+monitor: show computer picture, see computer picture
+clock: what time, tell time, time is it, show time, see time, show hour, read time, how late
+mirror: see myself, look myself, see face, see yourself, look yourself, reflection, check hair, comb hair, do hair, reflect
+toilet: pee, relieve, use restroom, flush, nature call
+bathtub: take bath, have bath, bathe, soak
+shower: take shower, have shower
+towel: dry hand, dry myself, dry off, dry face, dry body
+soap dispenser: soap hand
+trash can: throw away, throw this, throw something, throw garbage, throw rubbish, throw out, get rid, dispose, put garbage, put rubbish, put waste, put trash, bin this
+vacuum cleaner: clean carpet, clean rug, suck dust, suck dirt, vacuum, clean floor machine, hoover
+broom: sweep, sweep floor
+mop: mop floor, wipe floor
+iron: iron shirt, press shirt, wrinkle, smooth shirt
+bookshelf: keep book, store book, book stand, shelve book, book kept, put book
+book: something read, want read, like read
+wardrobe: hang clothes, keep clothes, store clothes, hang shirt, hang dress, put clothes, dress myself
+coat rack: hang coat, hang jacket, leave coat, put coat, hang hat, coat hang
+umbrella: keep rain, against rain, rain outside
+fire extinguisher: put out fire, put fire, extinguish, stop fire, fight fire, fire out, flame out, put flame
+whiteboard: write marker, draw marker, write wall, write meeting, wipe off
+projector: project, project slide, show slide, throw picture
+piano: play music key, play tune key
+plant: needs water leaf, has leaf, green leaf, grow, to water, photosynthesis
+mug, cup: drink tea from, drink coffee from, drink from
+glass: drink water from, drink wine
+plate: eat from, eat off, serve food
+knife: cut bread, slice, cut vegetable
+pillow: rest head, lay head, put head
+blanket: cover myself, keep warm night
+desk: work at, write at, do homework, study at, write letter
+dining table: eat dinner, have dinner, have meal, eat meal, eat together, have lunch, eat lunch, dine, eat at
+suitcase: pack clothes, travel with, pack trip, pack journey
+backpack: carry back, wear back
+fan: blow air, move air, cool air
+radiator: warm room, heat room, heat up room, warm up room, give heat, give warmth, keep warm room, warm myself
+air conditioner: cool room, cool down room
+ladder: climb, reach ceiling, reach high
+toolbox: keep tool, find tool, hold tool, hammer, screwdriver, wrench, repair, fix something, tool
+microscope: tiny thing, look tiny, see tiny, small thing look, see small, look cell, see cell, magnify, enlarge, bacteria
+scale: weigh, how heavy
+hamper: put dirty clothes, dirty laundry, dirty sock, put laundry, collect laundry, worn clothes
+vending machine: buy snack, buy drink, sell snack, buy sweet, buy candy
+water cooler: drink water, fill bottle, glass water, get water
+teddy bear: cuddle, cuddly
+remote: change channel, switch channel, switch tv, turn tv
+vase: put flower, hold flower, keep flower, cut flower
+crib: baby sleep, put baby
+bicycle: ride, pedal
+";
+
+/// What rooms are for, in the same form.
+pub const ROOM_USES: &str = "\
+kitchen: cook, prepare food, prepare meal, make food, make dinner, make breakfast, food made, bake
+bedroom: sleep, spend night, go to bed
+bathroom: take bath, have bath, take shower, have shower, brush tooth, brush teeth, shower, bathe, wash myself
+living room: watch tv, watch film, relax, watch movie, sit together
+dining room: eat, have dinner, have meal, dine
+office: work, do homework
+laundry room: wash clothes, do laundry, clothes washed, dry clothes
+storage: store thing, keep tool, keep stuff, things stored
+meeting room: meet, have meeting, hold meeting, confer
+";

@@ -32,7 +32,15 @@ pub struct BuildingConfig {
 
 impl Default for BuildingConfig {
     fn default() -> Self {
-        Self { seed: 0, rooms: 5, storeys: 1, style: Style::Flat, min_door_m: 1.0, passage_m: 0.95, cooccurrence: Cooccurrence::Usual }
+        Self {
+            seed: 0,
+            rooms: 5,
+            storeys: 1,
+            style: Style::Flat,
+            min_door_m: 1.0,
+            passage_m: 0.95,
+            cooccurrence: Cooccurrence::Usual,
+        }
     }
 }
 

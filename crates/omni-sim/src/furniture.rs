@@ -63,7 +63,19 @@ pub fn furnish(furnisher: &mut Furnisher, kind: RoomKind, habits: &Habits) {
 /// Some kind of room is known by it, so it stands in no other when things are exchanged.
 fn names_a_room(class: &str) -> bool {
     use RoomKind::*;
-    let named = [LivingRoom, Kitchen, DiningRoom, Bedroom, Bathroom, Office, LaundryRoom, MeetingRoom, Lab, PrintRoom, Reception];
+    let named = [
+        LivingRoom,
+        Kitchen,
+        DiningRoom,
+        Bedroom,
+        Bathroom,
+        Office,
+        LaundryRoom,
+        MeetingRoom,
+        Lab,
+        PrintRoom,
+        Reception,
+    ];
     class != "chair" && class != "coffee table" && named.iter().any(|kind| essentials(*kind).contains(&class))
 }
 

@@ -58,13 +58,17 @@ pub enum ImportError {
         vertices: usize,
     },
     /// A vertex is NaN, infinite, or farther than 200 m from the others.
-    #[error("the mesh \"{name}\" has a vertex that is no number or makes the scene larger than {LARGEST_M} m; units are metres")]
+    #[error(
+        "the mesh \"{name}\" has a vertex that is no number or makes the scene larger than {LARGEST_M} m; units are metres"
+    )]
     Extent {
         /// Name of the mesh.
         name: String,
     },
     /// There is no level surface to stand on.
-    #[error("the scene has no floor: no level triangle of the structure that faces up (the axis that points up may be another)")]
+    #[error(
+        "the scene has no floor: no level triangle of the structure that faces up (the axis that points up may be another)"
+    )]
     NoFloor,
     /// Nothing of the floor is free, or no room was found on it.
     #[error("the scene has a floor, and no room on it")]
@@ -88,9 +92,36 @@ pub enum Meaning {
 /// Reads a name: case, `_`, `-`, numbers at the end and a colour before the class do not matter.
 pub fn meaning_of(name: &str) -> Meaning {
     const STRUCTURE: [&str; 30] = [
-        "wall", "floor", "ceiling", "roof", "doorframe", "door frame", "frame", "lintel", "beam", "column", "pillar", "slab",
-        "stairs", "structure", "building", "skirting", "skirting board", "shell", "ground", "cube", "plane", "mesh", "object",
-        "node", "group", "default", "geometry", "cylinder", "scene", "root",
+        "wall",
+        "floor",
+        "ceiling",
+        "roof",
+        "doorframe",
+        "door frame",
+        "frame",
+        "lintel",
+        "beam",
+        "column",
+        "pillar",
+        "slab",
+        "stairs",
+        "structure",
+        "building",
+        "skirting",
+        "skirting board",
+        "shell",
+        "ground",
+        "cube",
+        "plane",
+        "mesh",
+        "object",
+        "node",
+        "group",
+        "default",
+        "geometry",
+        "cylinder",
+        "scene",
+        "root",
     ];
     let lower = name.to_lowercase();
     let words: Vec<&str> = lower
@@ -103,7 +134,8 @@ pub fn meaning_of(name: &str) -> Meaning {
         let spoken = |k: &&RoomKind| k.name() == kind || k.name().strip_suffix(" room") == Some(&kind);
         return Meaning::Room(RoomKind::ALL.iter().find(spoken).copied());
     }
-    let is_structure = |word: &str| STRUCTURE.contains(&word) || word.strip_suffix('s').is_some_and(|one| STRUCTURE.contains(&one));
+    let is_structure =
+        |word: &str| STRUCTURE.contains(&word) || word.strip_suffix('s').is_some_and(|one| STRUCTURE.contains(&one));
     let is_color = |word: &&&str| COLORS.iter().any(|(color, _)| color == *word);
     let words: Vec<&str> = if words.len() > 1 { words.iter().skip_while(is_color).copied().collect() } else { words };
     let noun = words.join(" ");
@@ -327,8 +359,7 @@ impl Canvas {
             let (x, y) = (x.floor().clamp(0.0, width as f64 - 1.0), y.floor().clamp(0.0, height as f64 - 1.0));
             visit((height - 1 - y as usize) * width + x as usize);
         };
-        let (bottom, top) =
-            corners.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p.y), high.max(p.y)));
+        let (bottom, top) = corners.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p.y), high.max(p.y)));
         let mut row = (bottom - 0.5).ceil().max(0.0);
         while row + 0.5 <= top && row < height as f64 {
             let y = row + 0.5;

@@ -166,9 +166,8 @@ fn draw_kinds(rng: &mut ChaCha8Rng, rooms: &PlanRooms, openings: &[Opening], sty
     for (at, room) in rooms.room.iter().enumerate() {
         half_width_m[*room as usize] = half_width_m[*room as usize].max(rooms.clearance_m(at));
     }
-    let doors = |room: usize| {
-        openings.iter().filter(|o| o.rooms.0 as usize == room || o.rooms.1 as usize == room).count()
-    };
+    let doors =
+        |room: usize| openings.iter().filter(|o| o.rooms.0 as usize == room || o.rooms.1 as usize == room).count();
     let is_passage = |room: usize| {
         let width_m = 2.0 * half_width_m[room];
         doors(room) >= 2 && width_m < PASSAGE_WIDTH_M && areas[room] > 2.0 * width_m * width_m
@@ -315,7 +314,12 @@ fn push_structure(
     }
     // The shell: nobody sees the outside, but rays that leave the rooms by a crack end somewhere.
     let outline = Rect { min: Point2::origin(), max: rooms.corner(rooms.width, rooms.height) }.grown(SHELL_M);
-    let corners = [outline.min, Point2::new(outline.min.x, outline.max.y), outline.max, Point2::new(outline.max.x, outline.min.y)];
+    let corners = [
+        outline.min,
+        Point2::new(outline.min.x, outline.max.y),
+        outline.max,
+        Point2::new(outline.max.x, outline.min.y),
+    ];
     for (k, a) in corners.iter().enumerate() {
         let b = corners[(k + 1) % corners.len()];
         push_wall(mesh, (a.x, a.y), (b.x, b.y), -SHELL_M, CEILING_M + SHELL_M, TRIM);
@@ -366,9 +370,8 @@ fn face(rooms: &PlanRooms, run: &PixelRun) -> WallFace {
     };
     let steps = (OUTER_M / rooms.resolution_m).round() as usize;
     let uneven = (UNEVEN_M / rooms.resolution_m).round() as usize + 1;
-    let is_closed = |s: f64| {
-        (uneven..steps).all(|k| !is_free(a + (b - a) * s - inward * ((k as f64 + 0.5) * rooms.resolution_m)))
-    };
+    let is_closed =
+        |s: f64| (uneven..steps).all(|k| !is_free(a + (b - a) * s - inward * ((k as f64 + 0.5) * rooms.resolution_m)));
     WallFace { a, b, inward, is_outer: [0.1, 0.3, 0.5, 0.7, 0.9].into_iter().all(is_closed) }
 }
 

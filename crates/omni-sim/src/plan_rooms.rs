@@ -272,9 +272,7 @@ impl PlanRooms {
         let areas = self.areas_m2();
         let mut core_m2 = vec![0.0; areas.len()];
         (0..is_core.len()).filter(|at| is_core[*at]).for_each(|at| core_m2[self.room[at] as usize] += pixel_m2);
-        let suits = |room: u32| {
-            areas[room as usize] >= SMALLEST_ROOM_M2 && core_m2[room as usize] >= LEAST_SPACE_M2
-        };
+        let suits = |room: u32| areas[room as usize] >= SMALLEST_ROOM_M2 && core_m2[room as usize] >= LEAST_SPACE_M2;
         let mut joined: BTreeSet<(u32, u32)> = BTreeSet::new();
         for at in 0..self.room.len() - self.width {
             for next in [at + 1, at + self.width] {
@@ -290,11 +288,8 @@ impl PlanRooms {
         for seed in seeds {
             let mut kept = vec![seed];
             while kept.len() < count {
-                let edge: Vec<u32> = joined
-                    .iter()
-                    .filter(|(a, b)| kept.contains(a) && !kept.contains(b))
-                    .map(|(_, b)| *b)
-                    .collect();
+                let edge: Vec<u32> =
+                    joined.iter().filter(|(a, b)| kept.contains(a) && !kept.contains(b)).map(|(_, b)| *b).collect();
                 if edge.is_empty() {
                     break;
                 }

@@ -48,7 +48,12 @@ pub fn named_scene_for(name: &str, min_door_m: f64, passage_m: f64) -> Option<Bu
             let opening = Border { vertical: true, line: 90, from: 36, to: 50 };
             Some(build(rooms, vec![PlanDoor { rooms: (0, 1), opening }], 5, Furnishing::Full(Cooccurrence::Usual)))
         }
-        "spin" => Some(build(vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)], vec![], 3, Furnishing::Full(Cooccurrence::Usual))),
+        "spin" => Some(build(
+            vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)],
+            vec![],
+            3,
+            Furnishing::Full(Cooccurrence::Usual),
+        )),
         _ => None,
     }
 }

@@ -5,8 +5,8 @@ use rand::seq::{IndexedRandom, SliceRandom};
 
 use crate::building::{Bounds, RoomKind};
 use crate::catalog::class;
-use crate::cooccurrence::{Cooccurrence, Habits};
 use crate::colors::draw_color;
+use crate::cooccurrence::{Cooccurrence, Habits};
 use crate::item::Item;
 use crate::models::build;
 use crate::passage::Reach;

@@ -34,7 +34,8 @@ fn drawn(rooms: usize, room: usize, wall: usize, door: usize, jag: usize) -> Dra
             let in_door = in_row
                 && (wall + 15..wall + 15 + door).contains(&dy)
                 && ((wall + room..corridor.0).contains(&x) || (corridor.1..corridor.1 + wall).contains(&x));
-            let is_column = left && row == 0 && (wall + 60..wall + 64).contains(&dy) && (wall + 40..wall + 44).contains(&x);
+            let is_column =
+                left && row == 0 && (wall + 60..wall + 64).contains(&dy) && (wall + 40..wall + 44).contains(&x);
             let is_jag = jag > 0 && left && x == wall && (y / jag) % 2 == 0;
             let is_room = in_row && (left || right);
             if (is_room || in_corridor || in_door) && !is_column && !is_jag {

@@ -97,7 +97,8 @@ pub fn write_gltf(parts: &[Part], kept: Kept) -> Vec<u8> {
             accessors.push(json!({ "bufferView": views.len() - 1, "componentType": 5126, "type": "VEC3", "count": 3 * triangles.len() }));
             let [r, g, b] = color.map(linear);
             materials.push(json!({ "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0] } }));
-            primitives.push(json!({ "attributes": { "POSITION": accessors.len() - 1 }, "material": materials.len() - 1 }));
+            primitives
+                .push(json!({ "attributes": { "POSITION": accessors.len() - 1 }, "material": materials.len() - 1 }));
         }
         meshes.push(json!({ "primitives": primitives }));
         nodes.push(json!({ "name": part.name, "mesh": meshes.len() - 1 }));

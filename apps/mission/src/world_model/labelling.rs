@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Point3};
 use omni_perception::{MaskedPanorama, ObservationConfig, observe_objects};
 
 use super::{RecentScan, WorldModel};
+use crate::graph_builder::Sector;
 use crate::people::moves_by_itself;
 use crate::stage_clock::StageClock;
 
@@ -74,10 +75,13 @@ impl WorldModel {
         }
         clock.time("votes", || self.volume.vote_labels(&votes));
         let eye = world_from_camera * Point3::origin();
-        clock
-            .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &eye, &self.volume));
+        let heading_rad = world_from_body.rotation.euler_angles().2;
+        let view = Sector { eye, heading_rad, view_rad: self.config.view_rad };
+        clock.time("objects", || {
+            self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &view, &self.volume)
+        });
         self.ignored.changes += self.builder.take_refusals();
-        self.coverage.look(&eye.xy(), &self.slice);
+        self.coverage.look_in_sector(&eye.xy(), view.heading_rad, view.view_rad, &self.slice);
         Some(world_from_camera)
     }
 }
