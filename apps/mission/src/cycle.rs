@@ -77,7 +77,7 @@ impl Mission {
                 // It holds until somebody has said which one is meant.
             } else if self.outcome.is_none() && self.is_returning() {
                 self.return_to_start(t_s);
-            } else if self.outcome.is_none() && !self.is_looking_round() && self.must_think(t_s) {
+            } else if self.outcome.is_none() && !self.is_looking_round(t_s) && self.must_think(t_s) {
                 self.ask(t_s);
             }
         }

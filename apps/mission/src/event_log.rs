@@ -2,7 +2,8 @@
 //!
 //! A bag of ROS 2 is for other programs; it sorts by time and composes transforms, and the last bits go. This file is for ourselves:
 //! little-endian, records one after the other, each with a tag. What was perceived before a cycle comes before the record of that cycle.
-//! Pictures are left out: the robot's side needs their masks.
+//! Pictures are PNG, so that
+//! no pixel is lost: the colours of things come from them.
 //!
 //! ```text
 //! "omnivln events 1\n"
@@ -11,16 +12,20 @@
 //! 2 encoder    stamp i64, angle f64
 //! 3 odometry   stamp i64, position 3 f64, quaternion xyzw 4 f64, velocity 3 f64, angular velocity 3 f64, covariance 36 f64, status u8
 //! 4 scan       start i64, count u32, points: x y z f32, offset u32 ns, ring u16
-//! 5 panorama   stamp i64, count u32, masks: width u32, height u32, runs u32, runs u32 each, score f32, track u8 and u64, label, caption
+//! 5 panorama   stamp i64, count u32, masks: width u32, height u32, runs u32, runs u32 each, score f32, track u8 and u64, label, caption;
+//!              bytes of a PNG u32, 0 for no picture, and the PNG
 //! 6 battery    stamp i64, charge f64
 //! ```
 //! Texts are a length u32 and UTF-8.
 
-use std::io::{self, BufRead, Read, Write};
+use std::io::{self, BufRead, Cursor, Read, Write};
 
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, Limits};
 use nalgebra::{Isometry3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use omni_perception::{
-    EncoderSample, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, Rle, Stamp, TrackingStatus,
+    EncoderSample, ImuSample, Mask, MaskedPanorama, OdometryEstimate, RawPoint, RawScan, RgbImage, Rle, Stamp,
+    TrackingStatus,
 };
 use thiserror::Error;
 
@@ -29,6 +34,8 @@ use crate::stream::{BatteryState, SensorEvent};
 const MAGIC: &[u8] = b"omnivln events 1\n";
 /// More of anything in one record is no record of a robot.
 const MOST: u32 = 20_000_000;
+/// Widest and highest picture.
+const WIDEST_PX: u32 = 16_384;
 /// Longest text.
 const LONGEST_TEXT: u32 = 65_536;
 
@@ -132,6 +139,15 @@ impl<W: Write> EventLogWriter<W> {
                     out.extend(mask.track.unwrap_or(0).to_le_bytes());
                     put_text(out, &mask.label);
                     put_text(out, &mask.caption);
+                }
+                let at = out.len();
+                put_u32(out, 0);
+                if let Some(image) = &panorama.image {
+                    PngEncoder::new_with_quality(&mut *out, CompressionType::Fast, FilterType::Adaptive)
+                        .write_image(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
+                        .map_err(io::Error::other)?;
+                    let bytes = (out.len() - at - 4) as u32;
+                    out[at..at + 4].copy_from_slice(&bytes.to_le_bytes());
                 }
             }
             SensorEvent::Battery(battery) => {
@@ -273,7 +289,7 @@ impl<R: BufRead> EventLogReader<R> {
                 for _ in 0..count {
                     masks.push(self.mask()?);
                 }
-                SensorEvent::Panorama(MaskedPanorama { stamp, masks, image: None })
+                SensorEvent::Panorama(MaskedPanorama { stamp, masks, image: self.image()? })
             }
             6 => SensorEvent::Battery(BatteryState { stamp, charge: self.f64()? }),
             _ => return Err(self.wrong("a record of an unknown kind")),
@@ -291,6 +307,24 @@ impl<R: BufRead> EventLogReader<R> {
         let score = self.f32()?;
         let (has_track, track) = (self.byte()? != 0, u64::from_le_bytes(self.bytes()?));
         Ok(Mask { rle, score, track: has_track.then_some(track), label: self.text()?, caption: self.text()? })
+    }
+
+    fn image(&mut self) -> Result<Option<RgbImage>, EventLogError> {
+        let length = u64::from(self.count()?);
+        if length == 0 {
+            return Ok(None);
+        }
+        let mut bytes = Vec::new();
+        (&mut self.input).take(length).read_to_end(&mut bytes)?;
+        if (bytes.len() as u64) < length {
+            return Err(EventLogError::Truncated { cycles: self.cycles });
+        }
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        let mut limits = Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(WIDEST_PX), Some(WIDEST_PX));
+        reader.limits(limits);
+        let picture = reader.decode().map_err(|_| self.wrong("a picture that is no PNG"))?.into_rgb8();
+        Ok(Some(RgbImage { width: picture.width(), height: picture.height(), rgb: picture.into_raw() }))
     }
 
     fn text(&mut self) -> Result<String, EventLogError> {
@@ -400,8 +434,10 @@ mod tests {
             (stamp(), number()).prop_map(|(stamp, angle_rad)| SensorEvent::Encoder(EncoderSample { stamp, angle_rad })),
             (stamp(), prop::collection::vec(point, 0..5))
                 .prop_map(|(start, points)| SensorEvent::Scan(RawScan { start, points })),
-            (stamp(), prop::collection::vec(mask, 0..4))
-                .prop_map(|(stamp, masks)| SensorEvent::Panorama(MaskedPanorama { stamp, masks, image: None })),
+            (stamp(), prop::collection::vec(mask, 0..4), any::<Option<[u8; 36]>>()).prop_map(|(stamp, masks, rgb)| {
+                let image = rgb.map(|rgb| RgbImage { width: 4, height: 3, rgb: rgb.to_vec() });
+                SensorEvent::Panorama(MaskedPanorama { stamp, masks, image })
+            }),
             (stamp(), number()).prop_map(|(stamp, charge)| SensorEvent::Battery(BatteryState { stamp, charge })),
             (stamp(), vector(), vector(), -3.0..3.0_f64).prop_map(|(stamp, a, b, yaw_rad)| {
                 SensorEvent::Odometry(OdometryEstimate {

@@ -18,7 +18,12 @@ pub struct LookRound {
     /// Where it looks next.
     next_rad: f64,
     step_rad: f64,
+    /// When this step began.
+    since_s: f64,
 }
+
+/// A step that takes longer is given up: there is no room to turn, or nobody moves.
+const PATIENCE_S: f64 = 12.0;
 
 /// Steps from one look to the next over a whole turn, for a field of view.
 fn steps(view_rad: f64) -> u32 {
@@ -34,7 +39,7 @@ impl Mission {
     }
 
     /// Begins to look round, if that shows anything new.
-    pub(crate) fn look_round(&mut self) {
+    pub(crate) fn look_round(&mut self, t_s: f64) {
         let Some(odometry) = &self.world.odometry else { return };
         if self.sees_all_round() {
             return;
@@ -42,25 +47,32 @@ impl Mission {
         let left = steps(self.config.view_rad);
         let step_rad = TAU / f64::from(left + 1);
         let next_rad = wrap(odometry.world_from_body.rotation.euler_angles().2 + step_rad);
-        self.looking = LookRound { left, has_begun: true, next_rad, step_rad };
+        self.looking = LookRound { left, has_begun: true, next_rad, step_rad, since_s: t_s };
         self.turn();
     }
 
     /// The first look; true while the robot is busy looking round.
-    pub(crate) fn is_looking_round(&mut self) -> bool {
+    pub(crate) fn is_looking_round(&mut self, t_s: f64) -> bool {
         if !self.looking.has_begun {
             self.looking.has_begun = true;
-            self.look_round();
+            self.look_round(t_s);
         }
         if self.looking.left == 0 {
             return false;
         }
         match self.body.status() {
+            GoalStatus::Underway if t_s - self.looking.since_s > PATIENCE_S => {
+                self.journal.notes.push((t_s, "there is no room to turn and look".into()));
+                self.body.set_goal(Goal::Stay);
+                self.looking.left = 0;
+                false
+            }
             GoalStatus::Underway => true,
             GoalStatus::Arrived => {
                 self.looking.left -= 1;
                 self.looking.next_rad = wrap(self.looking.next_rad + self.looking.step_rad);
                 if self.looking.left > 0 {
+                    self.looking.since_s = t_s;
                     self.turn();
                 }
                 self.looking.left > 0

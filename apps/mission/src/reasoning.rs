@@ -60,7 +60,7 @@ impl Mission {
                     && !self.has_looked
                 {
                     self.has_looked = true;
-                    self.look_round();
+                    self.look_round(t_s);
                     return false;
                 }
                 self.has_looked = false;
