@@ -165,7 +165,7 @@ impl File<'_> {
                 Some(accessor) => self.indices(accessor as usize)?,
                 None => (0..count as u32).collect(),
             };
-            if corners.iter().any(|corner| *corner as usize >= count) || corners.len() % 3 != 0 {
+            if corners.iter().any(|corner| *corner as usize >= count) || !corners.len().is_multiple_of(3) {
                 return Err(wrong(format!("{place}.indices"), "three vertices of the primitive for each triangle"));
             }
             self.triangles += corners.len() / 3;

@@ -14,6 +14,9 @@ use crate::scene_error::{MOST_TRIANGLES, SceneError};
 /// Colour of a triangle without a material.
 const NO_COLOR: [u8; 3] = [200, 200, 200];
 
+/// Three vertices and a colour.
+type Face = ([u32; 3], [u8; 3]);
+
 /// Reads the named meshes of an OBJ; `open` gives the bytes of a material library by its name.
 ///
 /// # Errors
@@ -28,7 +31,7 @@ pub fn read_obj(
     let mut libraries: BTreeSet<String> = BTreeSet::new();
     let mut color = NO_COLOR;
     let mut name = String::new();
-    let mut faces: BTreeMap<String, Vec<([u32; 3], [u8; 3])>> = BTreeMap::new();
+    let mut faces: BTreeMap<String, Vec<Face>> = BTreeMap::new();
     let mut order: Vec<String> = Vec::new();
     let mut count = 0;
     for (number, line) in text.lines().enumerate() {
@@ -74,7 +77,7 @@ pub fn read_obj(
 
 /// A mesh with the vertices it uses.
 fn compact(
-    faces: &[([u32; 3], [u8; 3])],
+    faces: &[Face],
     vertices: &[Point3<f64>],
     upright: &dyn Fn(Point3<f64>) -> Point3<f64>,
     name: String,

@@ -204,8 +204,8 @@ pub fn assemble(
         push_mesh(&mut building.mesh, mesh, instance, shift);
     }
     find_supports(&mut building);
-    for room in 0..building.rooms.len() {
-        building.rooms[room].kind = kinds[room].unwrap_or_else(|| kind_by_contents(room as u32, &building.objects));
+    for (room, named) in building.rooms.iter_mut().zip(&kinds) {
+        room.kind = named.unwrap_or_else(|| kind_by_contents(room.id, &building.objects));
     }
     name_rooms(&mut building.rooms);
     write_captions(&mut ChaCha8Rng::seed_from_u64(0), &mut building.objects);
