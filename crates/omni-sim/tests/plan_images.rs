@@ -36,7 +36,7 @@ fn drawn(rooms: usize, room: usize, wall: usize, door: usize, jag: usize) -> Dra
                 && ((wall + room..corridor.0).contains(&x) || (corridor.1..corridor.1 + wall).contains(&x));
             let is_column =
                 left && row == 0 && (wall + 60..wall + 64).contains(&dy) && (wall + 40..wall + 44).contains(&x);
-            let is_jag = jag > 0 && left && x == wall && (y / jag) % 2 == 0;
+            let is_jag = jag > 0 && left && x == wall && (y / jag).is_multiple_of(2);
             let is_room = in_row && (left || right);
             if (is_room || in_corridor || in_door) && !is_column && !is_jag {
                 grey[at] = 255;
