@@ -12,6 +12,7 @@ use mission::stage_clock::CpuScope;
 use mission::time_histogram::TimeHistogram;
 use serde::Serialize;
 
+use crate::buildings::Buildings;
 use crate::cli::word;
 use crate::instructions::{Answers, GivenInstruction, KindFigures, by_kind};
 use crate::known_building::{KnownFrom, survey_before};
@@ -114,6 +115,7 @@ pub fn bench_nav(
     given: Given,
     seed: u64,
     config: &RunConfig,
+    buildings: &Buildings,
     known_from: Option<KnownFrom>,
     keep: Option<&Path>,
     is_quiet: bool,
@@ -125,7 +127,7 @@ pub fn bench_nav(
     let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes = on_each_core(indices.len(), |position| {
         let index = indices[position];
-        let outcome = one_run(robot, kind, seed, index, given, config, known_from, keep, stop);
+        let outcome = one_run(robot, kind, seed, index, given, config, buildings, known_from, keep, stop);
         let summary = &outcome.0;
         let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
         let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -191,6 +193,7 @@ fn one_run(
     index: usize,
     given: Given,
     config: &RunConfig,
+    buildings: &Buildings,
     known_from: Option<KnownFrom>,
     keep: Option<&Path>,
     stop: &Arc<AtomicBool>,
@@ -209,7 +212,7 @@ fn one_run(
     let instruction = given.instructions.and_then(|instructions| instructions.get(index));
     let scenario = match instruction {
         Some(instruction) => instruction.scenario(robot, flight_height_m),
-        None => draw_scenario(seed, index, robot, flight_height_m),
+        None => draw_scenario(seed, index, robot, flight_height_m, buildings),
     };
     let scenario = match scenario {
         Ok(scenario) => scenario,

@@ -61,7 +61,8 @@ fn every_part_can_be_left_out_and_is_gone_then() {
             Part::Pruning | Part::Verify | Part::Steps | Part::Critic => {}
         }
     }
-    let flat_text = short_run(&with(&[Setting::IsFlat(true)], 9.0), RobotKind::Ground, &flat, "find the mug near the sink", 1);
+    let flat_text =
+        short_run(&with(&[Setting::IsFlat(true)], 9.0), RobotKind::Ground, &flat, "find the mug near the sink", 1);
     assert!(prompts(&flat_text).contains(" at (") && !has_octants(&prompts(&flat_text)));
 }
 
@@ -193,7 +194,9 @@ fn arms_run_over_the_same_scenes() {
         .configs(&coarse(4.0))
         .into_iter()
         .map(|(_, config)| {
-            bench_nav(&robot, RobotKind::Ground, &[0], Given::default(), 1, &config, None, None, true, &stop).unwrap()
+            let buildings = arena::buildings::Buildings::default();
+            bench_nav(&robot, RobotKind::Ground, &[0], Given::default(), 1, &config, &buildings, None, None, true, &stop)
+                .unwrap()
         })
         .collect();
     let what = |bench: &arena::bench_nav::BenchNav| (bench.runs[0].scene.clone(), bench.runs[0].instruction.clone());

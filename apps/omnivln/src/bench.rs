@@ -18,6 +18,8 @@ use arena::mission::robot_model::RobotKind;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
 
+use crate::building_options::BuildingOptions;
+
 /// Which robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Robot {
@@ -109,6 +111,8 @@ pub struct NavOptions {
     answers: Option<PathBuf>,
     #[command(flatten)]
     arms: ArmOptions,
+    #[command(flatten)]
+    buildings: BuildingOptions,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -132,12 +136,15 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     let moved = options.moved.unwrap_or(0.0);
     anyhow::ensure!((0.0..=1.0).contains(&moved), "--moved must be a share between 0 and 1, not {moved}");
     let known = options.known.then_some(KnownFrom { moved });
+    let buildings = options.buildings.read()?;
     let arms = options.arms.arms(&asked.noise)?;
     let mut results = Vec::new();
     for (name, config) in arms.configs(&config) {
         let keep = asked.keep.as_ref().map(|keep| if arms.varied.is_empty() { keep.clone() } else { keep.join(&name) });
-        let result =
-            bench_nav(&robot, kind, &indices, given, asked.seed, &config, known, keep.as_deref(), asked.quiet, &stop)?;
+        let keep = keep.as_deref();
+        let result = bench_nav(
+            &robot, kind, &indices, given, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop,
+        )?;
         if !asked.json {
             if !arms.varied.is_empty() {
                 arena::say!("\n== {} {name}", arms.varied[0].option());

@@ -10,6 +10,7 @@ mod bench_patrol;
 mod bench_reg;
 mod bench_tiers;
 mod bench_tokens;
+mod building_options;
 mod dsg;
 mod floor_of_places;
 mod fuse;

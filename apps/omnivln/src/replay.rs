@@ -21,7 +21,9 @@ use serde_json::{Value, json};
 
 /// Options of `replay`.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 every decision is the same; 1 one differs; 2 the run cannot be replayed (it needs --record when it is run).")]
+#[command(
+    after_help = "Exit codes: 0 every decision is the same; 1 one differs; 2 the run cannot be replayed (it needs --record when it is run)."
+)]
 pub struct ReplayOptions {
     /// A run folder that was made with --record
     run: PathBuf,
@@ -57,10 +59,18 @@ pub fn run(options: &ReplayOptions) -> Result<ExitCode> {
     let input = File::open(&log).with_context(|| {
         format!("reading {}; a run keeps what its sensors said if it is run with --record", log.display())
     })?;
-    let mut reader = EventLogReader::new(BufReader::new(input)).with_context(|| format!("reading {}", log.display()))?;
+    let mut reader =
+        EventLogReader::new(BufReader::new(input)).with_context(|| format!("reading {}", log.display()))?;
 
-    let mut mission =
-        Mission::new(&side.robot, &file.instruction, side.mission, side.camera, mind, file.start(), &side.start_in_map)?;
+    let mut mission = Mission::new(
+        &side.robot,
+        &file.instruction,
+        side.mission,
+        side.camera,
+        mind,
+        file.start(),
+        &side.start_in_map,
+    )?;
     if let Some(known) = side.known {
         mission.know(known);
     }
