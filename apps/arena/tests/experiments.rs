@@ -195,8 +195,20 @@ fn arms_run_over_the_same_scenes() {
         .into_iter()
         .map(|(_, config)| {
             let buildings = arena::buildings::Buildings::default();
-            bench_nav(&robot, RobotKind::Ground, &[0], Given::default(), 1, &config, &buildings, None, None, true, &stop)
-                .unwrap()
+            bench_nav(
+                &robot,
+                RobotKind::Ground,
+                &[0],
+                Given::default(),
+                1,
+                &config,
+                &buildings,
+                None,
+                None,
+                true,
+                &stop,
+            )
+            .unwrap()
         })
         .collect();
     let what = |bench: &arena::bench_nav::BenchNav| (bench.runs[0].scene.clone(), bench.runs[0].instruction.clone());

@@ -142,9 +142,8 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     for (name, config) in arms.configs(&config) {
         let keep = asked.keep.as_ref().map(|keep| if arms.varied.is_empty() { keep.clone() } else { keep.join(&name) });
         let keep = keep.as_deref();
-        let result = bench_nav(
-            &robot, kind, &indices, given, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop,
-        )?;
+        let result =
+            bench_nav(&robot, kind, &indices, given, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop)?;
         if !asked.json {
             if !arms.varied.is_empty() {
                 arena::say!("\n== {} {name}", arms.varied[0].option());
