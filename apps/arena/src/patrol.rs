@@ -138,7 +138,7 @@ pub fn patrol(
 
 /// A step that visits all of `count` things and is no small one.
 fn step_through(count: usize) -> usize {
-    let shares = |a: usize, b: usize| (2..=a.min(b)).any(|k| a % k == 0 && b % k == 0);
+    let shares = |a: usize, b: usize| (2..=a.min(b)).any(|k| a.is_multiple_of(k) && b.is_multiple_of(k));
     (count / 3 + 1..count).find(|step| !shares(*step, count)).unwrap_or(1)
 }
 

@@ -382,7 +382,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
         if mission.is_over() {
             settle_s += STEP_NS as f64 * 1e-9;
-            if settle_s >= SETTLE_S && !(orders.has_more(now_s) && !mission.is_interrupted()) {
+            if settle_s >= SETTLE_S && (mission.is_interrupted() || !orders.has_more(now_s)) {
                 break;
             }
         } else {

@@ -7,6 +7,9 @@ use super::replan::{PROGRESS_M, middle_of};
 use super::stages::{Stage, first_stage};
 use super::{CLIMB_MPS, Fly};
 
+/// The way from a place, in the plane of flight.
+pub type Route<'a> = dyn Fn(&Point2<f64>) -> Option<Vec<Point2<f64>>> + 'a;
+
 /// More parts than that has no way in a building.
 const MOST_PARTS: usize = 100;
 
@@ -22,7 +25,7 @@ impl Fly {
         from: &Point2<f64>,
         target: &Point2<f64>,
         tolerance_m: f64,
-        route: &dyn Fn(&Point2<f64>) -> Option<Vec<Point2<f64>>>,
+        route: &Route<'_>,
         air: &AirSpace,
     ) -> Result<Vec<AirPlan>, AirPlanError> {
         let at_height = |point: &Point2<f64>| Point3::new(point.x, point.y, self.flight_height_m);
