@@ -60,7 +60,7 @@ fn robot_of(options: &AskOptions) -> Result<RobotModel> {
 
 fn as_json(options: &AskOptions, robot: &RobotModel, plan: &RoutePlan) -> Value {
     let room = Room::of(robot);
-    let legs: Vec<Value> = plan.legs.iter().map(|leg| leg_json(leg)).collect();
+    let legs: Vec<Value> = plan.legs.iter().map(leg_json).collect();
     let total_s: Option<f64> = plan.legs.iter().map(|leg| leg.seconds).sum();
     json!({
         "instruction": options.instruction,
