@@ -166,10 +166,10 @@ fn a_run_is_judged_again_from_its_truth() {
 /// What the sensors said, given to a mission once more, leads to the same decisions, byte for byte.
 #[test]
 fn a_recorded_run_decides_the_same_again() {
-    let (flat, folder) = (scene("flat"), tempfile::tempdir().unwrap());
+    let (spin, folder) = (scene("spin"), tempfile::tempdir().unwrap());
     let log = folder.path().join("events.bin");
-    let config = RunConfig { events_to: Some(log.clone()), ..coarse(14.0) };
-    let result = short_run(&config, RobotKind::Ground, &flat, "find the mug near the sink", 1);
+    let config = RunConfig { events_to: Some(log.clone()), ..coarse(60.0) };
+    let result = short_run(&config, RobotKind::Ground, &spin, "find the sofa", 1);
     let robot = robot(RobotKind::Ground);
     let mind = Mind::Embedded(Box::new(SymbolicReasoner::default()));
     let begin = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
