@@ -251,7 +251,8 @@ mod tests {
 
     #[test]
     fn words_are_read_as_they_are_written_and_others_are_refused_with_what_is_accepted() {
-        let all: [(fn(&str) -> Result<Setting, String>, &[&str]); 10] = [
+        type Reader = fn(&str) -> Result<Setting, String>;
+        let all: [(Reader, &[&str]); 10] = [
             (Setting::sensing, &["omni", "narrow"]),
             (Setting::prompt, &["octant", "flat"]),
             (Setting::lidar, &["rotating", "fixed"]),

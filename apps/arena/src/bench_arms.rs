@@ -105,8 +105,7 @@ impl Figures {
             tokens: mean(&tokens),
             decisions: mean(&|run| run.decisions as f64),
             turned_in_place_rad: mean(&|run| run.turned_in_place_rad),
-            first_sighting_s: (!sightings.is_empty())
-                .then(|| sightings.iter().sum::<f64>() / sightings.len() as f64),
+            first_sighting_s: (!sightings.is_empty()).then(|| sightings.iter().sum::<f64>() / sightings.len() as f64),
             sim_s: mean(&|run| run.sim_s),
             collisions: runs.iter().map(|run| run.collisions).sum(),
         }

@@ -12,9 +12,10 @@ use mission::stage_clock::CpuScope;
 use mission::time_histogram::TimeHistogram;
 use serde::Serialize;
 
+use crate::buildings::Buildings;
 use crate::cli::word;
 use crate::instructions::{Answers, GivenInstruction, KindFigures, by_kind};
-use crate::known_building::survey_of;
+use crate::known_building::{KnownFrom, survey_before};
 use crate::orders::Orders;
 use crate::progress::ProgressView;
 use crate::run::{RunConfig, Setup, run};
@@ -114,7 +115,8 @@ pub fn bench_nav(
     given: Given,
     seed: u64,
     config: &RunConfig,
-    is_known: bool,
+    buildings: &Buildings,
+    known_from: Option<KnownFrom>,
     keep: Option<&Path>,
     is_quiet: bool,
     stop: &Arc<AtomicBool>,
@@ -125,7 +127,7 @@ pub fn bench_nav(
     let (finished, successes) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes = on_each_core(indices.len(), |position| {
         let index = indices[position];
-        let outcome = one_run(robot, kind, seed, index, given, config, is_known, keep, stop);
+        let outcome = one_run(robot, kind, seed, index, given, config, buildings, known_from, keep, stop);
         let summary = &outcome.0;
         let right = successes.fetch_add(usize::from(summary.success), Ordering::Relaxed) + usize::from(summary.success);
         let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -155,8 +157,8 @@ pub fn bench_nav(
         seed,
         success_rate: runs.iter().filter(|run| run.success).count() as f64 / count,
         spl_mean,
-        spl_unknown: (!is_known).then_some(spl_mean),
-        spl_known: is_known.then_some(spl_mean),
+        spl_unknown: known_from.is_none().then_some(spl_mean),
+        spl_known: known_from.map(|_| spl_mean),
         graph_update_ms,
         route_ms,
         collisions: runs.iter().map(|run| run.collisions).sum(),
@@ -191,7 +193,8 @@ fn one_run(
     index: usize,
     given: Given,
     config: &RunConfig,
-    is_known: bool,
+    buildings: &Buildings,
+    known_from: Option<KnownFrom>,
     keep: Option<&Path>,
     stop: &Arc<AtomicBool>,
 ) -> Outcome {
@@ -209,7 +212,7 @@ fn one_run(
     let instruction = given.instructions.and_then(|instructions| instructions.get(index));
     let scenario = match instruction {
         Some(instruction) => instruction.scenario(robot, flight_height_m),
-        None => draw_scenario(seed, index, robot, flight_height_m),
+        None => draw_scenario(seed, index, robot, flight_height_m, buildings),
     };
     let scenario = match scenario {
         Ok(scenario) => scenario,
@@ -225,7 +228,7 @@ fn one_run(
     let orders = Orders::default().with_answers(answers);
     let mut facts = Facts { rooms, kind: sentence.clone(), is_target_visible, has_rival, shortest_m, updates, routes };
     let (scene, task, start) = (&scene, &task, &start);
-    let known = match is_known.then(|| survey_of(robot, scene, run_seed, config)).transpose() {
+    let known = match known_from.map(|from| survey_before(from, robot, scene, run_seed, config)).transpose() {
         Ok(known) => known,
         Err(error) => return (failed(format!("the building could not be surveyed: {error:#}")), Some(facts)),
     };

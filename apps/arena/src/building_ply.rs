@@ -50,7 +50,10 @@ pub fn read_ply(bytes: &[u8]) -> Result<TriangleMesh> {
         count.trim().parse().with_context(|| format!("\"{element}{count}\" is no number of elements"))
     };
     let (vertices, faces) = (count_of("element vertex ")?, count_of("element face ")?);
-    ensure!(text == header(vertices, faces), "its properties are not those of a building (x, y, z; indices, colour, thing)");
+    ensure!(
+        text == header(vertices, faces),
+        "its properties are not those of a building (x, y, z; indices, colour, thing)"
+    );
     let body = &bytes[end + END.len()..];
     let split = vertices.checked_mul(VERTEX_BYTES);
     let wanted = split.zip(faces.checked_mul(FACE_BYTES)).and_then(|(a, b)| a.checked_add(b));
@@ -68,7 +71,10 @@ pub fn read_ply(bytes: &[u8]) -> Result<TriangleMesh> {
     for (number, face) in face_bytes.chunks_exact(FACE_BYTES).enumerate() {
         let corners = [1, 5, 9].map(|at| u32::from_le_bytes(word(face, at)));
         ensure!(face[0] == 3, "face {number} is no triangle");
-        ensure!(corners.iter().all(|index| (*index as usize) < vertices), "face {number} has a corner that is not there");
+        ensure!(
+            corners.iter().all(|index| (*index as usize) < vertices),
+            "face {number} has a corner that is not there"
+        );
         mesh.faces.push(corners);
         mesh.colors.push([face[13], face[14], face[15]]);
         mesh.instances.push(u32::from_le_bytes(word(face, 16)));

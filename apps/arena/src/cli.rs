@@ -43,10 +43,11 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     options.flight.check(kind)?;
     let Prepared { robot, mut config, known } = prepare(options, kind)?;
     let scene_name = options.scene.clone().unwrap_or_else(|| default_scene.to_owned());
-    let out = options
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("runs").join(format!("{}-{scene_name}-{}", word(kind), options.seed)));
+    let out = options.out.clone().unwrap_or_else(|| {
+        // Of a file its name without folders.
+        let scene = scene_name.rsplit(['/', '\\']).next().unwrap_or_default();
+        PathBuf::from("runs").join(format!("{}-{scene}-{}", word(kind), options.seed))
+    });
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
     let start = match (&options.known, &options.start) {

@@ -73,9 +73,8 @@ pub fn paired_mean_95(differences: &[f64]) -> Estimate {
         return Estimate { value: 0.0, interval_95: [f64::NEG_INFINITY, f64::INFINITY] };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0x626F_6F74);
-    let mut means: Vec<f64> = (0..SAMPLES)
-        .map(|_| (0..n).map(|_| differences[rng.random_range(0..n)]).sum::<f64>() / n as f64)
-        .collect();
+    let mut means: Vec<f64> =
+        (0..SAMPLES).map(|_| (0..n).map(|_| differences[rng.random_range(0..n)]).sum::<f64>() / n as f64).collect();
     means.sort_by(f64::total_cmp);
     let at = |share: f64| means[((SAMPLES - 1) as f64 * share).round() as usize];
     Estimate { value: differences.iter().sum::<f64>() / n as f64, interval_95: [at(0.025), at(0.975)] }

@@ -1,4 +1,5 @@
-//! A building as the robot knows it from another day: it surveyed it, with nobody about, and kept graph and map.
+//! A building as the robot knows it from another day: it surveyed it, with nobody about, and kept graph and map. Some things
+//! may have stood elsewhere that day, or have gone since.
 
 use anyhow::{Context, Result};
 use mission::archive::Known;
@@ -9,6 +10,31 @@ use crate::run::RunConfig;
 use crate::scenario::Scene;
 use crate::survey::survey;
 use crate::toured_scene::tour_of;
+
+/// How the robot knows the buildings of a bench.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownFrom {
+    /// Share of the things that stood elsewhere on the day of the survey, or are gone since (0 to 1).
+    pub moved: f64,
+}
+
+/// The survey of `scene` as it was on another day.
+///
+/// # Errors
+/// As [`survey_of`].
+pub fn survey_before(
+    from: KnownFrom,
+    robot: &RobotModel,
+    scene: &Scene,
+    seed: u64,
+    config: &RunConfig,
+) -> Result<Known> {
+    if from.moved <= 0.0 {
+        return survey_of(robot, scene, seed, config);
+    }
+    let (then, _) = scene.building.earlier(from.moved, seed);
+    survey_of(robot, &Scene::new(&scene.name, then)?, seed, config)
+}
 
 /// Lets `robot` look at all of `scene` from a drawn start, with its own odometry, mapping and segmented pictures. Where it will stand the
 /// next time it has to find out by itself.

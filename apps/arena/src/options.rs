@@ -29,8 +29,10 @@ pub struct Options {
     /// What to do, in English: "find the mug near the sink", "go to the kitchen, then find the plant"
     pub instruction: String,
 
-    /// The building: a name (flat, office, corridor, narrow-door, spin) or a number, the seed of a generated building
-    #[arg(long, value_name = "NAME|SEED")]
+    /// The building: a name (flat, office, corridor, narrow-door, spin), a number, the seed of a generated building, or a file: a floor
+    /// plan (FILE.png, 5 cm a pixel, white is free; FILE.png#7 for other rooms of it, #7,shuffled or #7,uniform for other furniture), or a
+    /// scene with named objects (.obj, .gltf, .glb)
+    #[arg(long, value_name = "NAME|SEED|FILE")]
     pub scene: Option<String>,
 
     /// Seed of sensor noise, drift and start pose

@@ -138,7 +138,7 @@ pub fn patrol(
 
 /// A step that visits all of `count` things and is no small one.
 fn step_through(count: usize) -> usize {
-    let shares = |a: usize, b: usize| (2..=a.min(b)).any(|k| a % k == 0 && b % k == 0);
+    let shares = |a: usize, b: usize| (2..=a.min(b)).any(|k| a.is_multiple_of(k) && b.is_multiple_of(k));
     (count / 3 + 1..count).find(|step| !shares(*step, count)).unwrap_or(1)
 }
 
@@ -162,9 +162,11 @@ mod tests {
 
     #[test]
     fn growth_is_that_of_the_second_half() {
-        let sample = |k: usize, rss_mib: f64| MemorySample { sim_s: 60.0 * k as f64, rss_mib: Some(rss_mib), objects: 0 };
+        let sample =
+            |k: usize, rss_mib: f64| MemorySample { sim_s: 60.0 * k as f64, rss_mib: Some(rss_mib), objects: 0 };
         // It grows to 100 in the first hour and to 110 in the second.
-        let memory: Vec<_> = (1..=120).map(|k| sample(k, 100.0 + 10.0 * ((k as f64 - 60.0) / 60.0).max(-1.0))).collect();
+        let memory: Vec<_> =
+            (1..=120).map(|k| sample(k, 100.0 + 10.0 * ((k as f64 - 60.0) / 60.0).max(-1.0))).collect();
         let growth = growth_percent(&memory, 7200.0).unwrap();
         assert!((growth - 9.67).abs() < 0.2, "{growth}");
         assert_eq!(growth_percent(&[], 7200.0), None);

@@ -272,7 +272,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
 
     // The loop: the world goes on for a step, the robot sees and commands.
     let truth_from_map = start * start_in_map.inverse();
-    let mut truth = TruthLog { truth_from_map, zones, poses: vec![(simulation.now().0, *start)], ..TruthLog::default() };
+    let mut truth =
+        TruthLog { truth_from_map, zones, poses: vec![(simulation.now().0, *start)], ..TruthLog::default() };
     let (mut command, mut is_timeout) = (mission.idle(), false);
     let mut trouble = None;
     let mut postures = Vec::new();
@@ -301,7 +302,12 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             // The simulated world waits with the robot for somebody who types, and has been shown the question.
             if mission.questions_asked() > shown {
                 shown = mission.questions_asked();
-                report(&Progress { sim_s: now_s, activity: mission.activity(), is_news: true, ..Progress::of(&mission) });
+                report(&Progress {
+                    sim_s: now_s,
+                    activity: mission.activity(),
+                    is_news: true,
+                    ..Progress::of(&mission)
+                });
             }
             orders.wait_for_answer(&mission, stop);
         }
@@ -376,7 +382,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         }
         if mission.is_over() {
             settle_s += STEP_NS as f64 * 1e-9;
-            if settle_s >= SETTLE_S && !(orders.has_more(now_s) && !mission.is_interrupted()) {
+            if settle_s >= SETTLE_S && (mission.is_interrupted() || !orders.has_more(now_s)) {
                 break;
             }
         } else {
@@ -402,8 +408,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         // The place is judged; now down. What went wrong on the way is said first, and is no success.
         let rest = vehicle.rest();
         mission.journal.notes.push((end_s, vehicle.account()));
-        truth.trouble =
-            trouble.or(rest.err()).map(|why| format!("The {} ended early: {why:#}.", vehicle.deed()));
+        truth.trouble = trouble.or(rest.err()).map(|why| format!("The {} ended early: {why:#}.", vehicle.deed()));
     }
     let verdict = verdict(&truth, &task, &referee, &robot.footprint);
     let stages = mission.journal.clock.figures();

@@ -4,11 +4,13 @@ use anyhow::{Context, Result, bail};
 use mission::robot_model::{RobotKind, RobotModel};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use omni_sim::building::{Building, BuildingConfig, RoomKind, Style, generate};
+use omni_sim::cooccurrence::Cooccurrence;
 use omni_sim::scenes::{named_scene_for, scene_names};
 use omni_sim::world::{Thing, World};
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 
+use crate::buildings::{Buildings, ENDINGS, scene_of_name, seed_of_name, suffix};
 use crate::referee::{Referee, RobotTruth};
 use crate::task::{StepTruth, Task, TaskKind, draw};
 
@@ -23,7 +25,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A named scene, or the generated building of a seed that suits the robot.
+    /// A named scene, one of a file (`buildings::scene_of_name`), or the generated building of a seed that suits the robot.
     pub fn open(name: &str, robot: &RobotModel) -> Result<Scene> {
         let (min_door_m, passage_m) = needs_of(robot);
         if let Some(building) = named_scene_for(name, min_door_m, passage_m) {
@@ -35,22 +37,33 @@ impl Scene {
                 robot.name
             );
         }
-        let Ok(seed) = name.parse::<u64>() else {
+        if let Some(scene) = scene_of_name(name, robot)? {
+            return Ok(scene);
+        }
+        let Some((seed, cooccurrence)) = seed_of_name(name) else {
             bail!(
-                "no building is called \"{name}\"; --scene takes {} or a number, the seed of a generated building",
-                scene_names().join(", ")
+                "no building is called \"{name}\"; --scene takes {}, a number, the seed of a generated building, or a file \
+                 that ends in .{}",
+                scene_names().join(", "),
+                ENDINGS.join(", .")
             );
         };
-        Scene::drawn(seed, robot)
+        Scene::drawn_with(seed, cooccurrence, robot)
     }
 
     /// The building of a seed: two to twelve rooms, uniformly, flat or office.
     pub fn drawn(seed: u64, robot: &RobotModel) -> Result<Scene> {
+        Scene::drawn_with(seed, Cooccurrence::Usual, robot)
+    }
+
+    /// The same with other things in its rooms.
+    pub fn drawn_with(seed: u64, cooccurrence: Cooccurrence, robot: &RobotModel) -> Result<Scene> {
         let (rooms, style) = plan_of_seed(seed);
         let (min_door_m, passage_m) = needs_of(robot);
-        let config = BuildingConfig { seed, rooms, style, min_door_m, passage_m, ..BuildingConfig::default() };
+        let config =
+            BuildingConfig { seed, rooms, style, min_door_m, passage_m, cooccurrence, ..BuildingConfig::default() };
         let building = generate(&config).with_context(|| format!("generating the building of seed {seed}"))?;
-        Scene::new(&seed.to_string(), building)
+        Scene::new(&format!("{seed}{}", suffix(cooccurrence)), building)
     }
 
     /// A place of work with a laboratory in it, seven rooms: twice the rooms and more of the paper's Table I.
@@ -95,14 +108,14 @@ impl Scene {
 }
 
 /// Narrowest door and passage that suit a robot: the disc it sweeps when it turns, with a margin.
-fn needs_of(robot: &RobotModel) -> (f64, f64) {
+pub fn needs_of(robot: &RobotModel) -> (f64, f64) {
     let swept_m = 2.0 * robot.circumscribed_radius_m;
     let min_door_m = (swept_m + 0.25).clamp(1.0, 2.0);
     (min_door_m, (swept_m + 0.15).clamp(0.9, min_door_m))
 }
 
 /// Number of rooms and style of a seed's building.
-fn plan_of_seed(seed: u64) -> (u32, Style) {
+pub fn plan_of_seed(seed: u64) -> (u32, Style) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0042_7569_6C64);
     (rng.random_range(2..=12), if rng.random::<bool>() { Style::Flat } else { Style::Office })
 }
@@ -170,7 +183,13 @@ pub struct Scenario {
 }
 
 /// Draws run `index` of a bench with `seed`: kinds of sentences in turn, so that each is a fifth of the runs.
-pub fn draw_scenario(seed: u64, index: usize, robot: &RobotModel, flight_height_m: f64) -> Result<Scenario> {
+pub fn draw_scenario(
+    seed: u64,
+    index: usize,
+    robot: &RobotModel,
+    flight_height_m: f64,
+    buildings: &Buildings,
+) -> Result<Scenario> {
     const KINDS: [TaskKind; 5] =
         [TaskKind::Class, TaskKind::Relation, TaskKind::Room, TaskKind::Attribute, TaskKind::TwoSteps];
     let kind = KINDS[index % KINDS.len()];
@@ -180,10 +199,7 @@ pub fn draw_scenario(seed: u64, index: usize, robot: &RobotModel, flight_height_
     let rooms: u32 = rng.random_range(2..=12);
     const BUILDINGS: usize = 30;
     for _ in 0..BUILDINGS {
-        let building_seed: u64 = std::iter::repeat_with(|| rng.random::<u32>().into())
-            .find(|seed| plan_of_seed(*seed).0 == rooms)
-            .expect("every eleventh seed has that many rooms");
-        let scene = Scene::drawn(building_seed, robot)?;
+        let scene = buildings.draw(index, rooms, robot, &mut || rng.random::<u32>().into())?;
         let referee = Referee::new(&scene.building, &scene.world, robot_truth(robot, flight_height_m), 0);
         let starts = start_cells(&referee, robot);
         if starts.is_empty() {
@@ -277,8 +293,8 @@ mod tests {
     fn drawn_scenarios_can_be_fulfilled_and_are_the_same_for_the_same_seed() {
         let robot = RobotModel::builtin_quadruped();
         for index in 0..5 {
-            let a = draw_scenario(1, index, &robot, 1.2).unwrap();
-            let b = draw_scenario(1, index, &robot, 1.2).unwrap();
+            let a = draw_scenario(1, index, &robot, 1.2, &Buildings::default()).unwrap();
+            let b = draw_scenario(1, index, &robot, 1.2, &Buildings::default()).unwrap();
             assert_eq!((&a.task, a.start, a.seed), (&b.task, b.start, b.seed));
             assert!(a.shortest_m.is_finite());
             assert!((2..=12).contains(&a.rooms));

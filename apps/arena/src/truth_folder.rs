@@ -88,11 +88,7 @@ pub fn write_truth(folder: &RunFolder, result: &RunResult, building: &Building) 
     json("contacts.json", serde_json::to_vec_pretty(&truth.touches)?)?;
     let declared = truth.declared.iter().map(|declared| {
         let (t, q) = (declared.truth_from_body.translation.vector, declared.truth_from_body.rotation.coords);
-        DeclaredEntry {
-            step: declared.step,
-            stamp_ns: declared.stamp_ns,
-            pose: [t.x, t.y, t.z, q.x, q.y, q.z, q.w],
-        }
+        DeclaredEntry { step: declared.step, stamp_ns: declared.stamp_ns, pose: [t.x, t.y, t.z, q.x, q.y, q.z, q.w] }
     });
     let task = TaskFile {
         task: result.task.clone(),

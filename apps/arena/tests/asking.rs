@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use arena::bench_nav::{BenchNav, Given, bench_nav};
+use arena::buildings::Buildings;
 use arena::instructions::{Answers, open_instructions};
 use arena::mission::robot_model::RobotKind;
 use arena::orders::{Orders, script_of};
@@ -29,7 +30,8 @@ fn bench(instructions: &str, answers: &str) -> BenchNav {
     let given = Given { instructions: Some(&instructions), answers: Some(&answers) };
     let indices: Vec<usize> = (0..instructions.len()).collect();
     let (config, stop) = (coarse(300.0), Arc::new(AtomicBool::new(false)));
-    bench_nav(&robot, RobotKind::Ground, &indices, given, 1, &config, false, None, true, &stop).expect("a bench")
+    bench_nav(&robot, RobotKind::Ground, &indices, given, 1, &config, &Buildings::default(), None, None, true, &stop)
+        .expect("a bench")
 }
 
 #[test]

@@ -61,7 +61,8 @@ fn every_part_can_be_left_out_and_is_gone_then() {
             Part::Pruning | Part::Verify | Part::Steps | Part::Critic => {}
         }
     }
-    let flat_text = short_run(&with(&[Setting::IsFlat(true)], 9.0), RobotKind::Ground, &flat, "find the mug near the sink", 1);
+    let flat_text =
+        short_run(&with(&[Setting::IsFlat(true)], 9.0), RobotKind::Ground, &flat, "find the mug near the sink", 1);
     assert!(prompts(&flat_text).contains(" at (") && !has_octants(&prompts(&flat_text)));
 }
 
@@ -165,10 +166,10 @@ fn a_run_is_judged_again_from_its_truth() {
 /// What the sensors said, given to a mission once more, leads to the same decisions, byte for byte.
 #[test]
 fn a_recorded_run_decides_the_same_again() {
-    let (flat, folder) = (scene("flat"), tempfile::tempdir().unwrap());
+    let (spin, folder) = (scene("spin"), tempfile::tempdir().unwrap());
     let log = folder.path().join("events.bin");
-    let config = RunConfig { events_to: Some(log.clone()), ..coarse(14.0) };
-    let result = short_run(&config, RobotKind::Ground, &flat, "find the mug near the sink", 1);
+    let config = RunConfig { events_to: Some(log.clone()), ..coarse(60.0) };
+    let result = short_run(&config, RobotKind::Ground, &spin, "find the sofa", 1);
     let robot = robot(RobotKind::Ground);
     let mind = Mind::Embedded(Box::new(SymbolicReasoner::default()));
     let begin = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
@@ -193,7 +194,21 @@ fn arms_run_over_the_same_scenes() {
         .configs(&coarse(4.0))
         .into_iter()
         .map(|(_, config)| {
-            bench_nav(&robot, RobotKind::Ground, &[0], Given::default(), 1, &config, false, None, true, &stop).unwrap()
+            let buildings = arena::buildings::Buildings::default();
+            bench_nav(
+                &robot,
+                RobotKind::Ground,
+                &[0],
+                Given::default(),
+                1,
+                &config,
+                &buildings,
+                None,
+                None,
+                true,
+                &stop,
+            )
+            .unwrap()
         })
         .collect();
     let what = |bench: &arena::bench_nav::BenchNav| (bench.runs[0].scene.clone(), bench.runs[0].instruction.clone());

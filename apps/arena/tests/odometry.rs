@@ -5,6 +5,7 @@ mod support;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use arena::buildings::Buildings;
 use arena::mission::robot_model::{RobotKind, RobotModel};
 use arena::orders::Orders;
 use arena::run::{RunConfig, RunResult, Setup, run};
@@ -60,7 +61,8 @@ fn a_flying_robot_knows_where_it_is_to_centimetres() {
 fn a_flying_robot_starts_in_a_closet() {
     let robot = RobotModel::builtin_quadrotor();
     let config = RunConfig { max_time_s: 7.0, ..RunConfig::default() };
-    let drawn = draw_scenario(2, 19, &robot, config.mission.flight_height_m).expect("it was drawn before");
+    let drawn = draw_scenario(2, 19, &robot, config.mission.flight_height_m, &Buildings::default())
+        .expect("it was drawn before");
     let stop = Arc::new(AtomicBool::new(false));
     let (scene, task, start, seed) = (&drawn.scene, &drawn.task, &drawn.start, drawn.seed);
     let setup = Setup {

@@ -5,6 +5,7 @@ mod support;
 use std::collections::BTreeMap;
 
 use arena::bench_nav::kind_word;
+use arena::buildings::Buildings;
 use arena::mission::robot_model::RobotKind;
 use arena::referee::{Referee, VIEW_DISTANCE_M};
 use arena::scenario::{Scene, draw_scenario, robot_truth};
@@ -145,7 +146,8 @@ fn check_draws(kind: RobotKind, seed: u64) {
     let (mut hidden, mut rivals, mut ways_m) = (0, 0, Vec::new());
     let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
     for index in 0..RUNS {
-        let drawn = draw_scenario(seed, index, &robot, FLIGHT_HEIGHT_M).expect("something can be drawn");
+        let drawn =
+            draw_scenario(seed, index, &robot, FLIGHT_HEIGHT_M, &Buildings::default()).expect("something can be drawn");
         assert!(drawn.shortest_m.is_finite() && drawn.shortest_m > 0.0, "run {index}");
         assert!((2..=12).contains(&drawn.rooms), "run {index}: {} rooms", drawn.rooms);
         *kinds.entry(kind_word(&drawn.task)).or_default() += 1;

@@ -26,16 +26,8 @@ pub enum Part {
 
 impl Part {
     /// All of them.
-    pub const ALL: [Part; 8] = [
-        Part::Rooms,
-        Part::Pruning,
-        Part::Verify,
-        Part::Octants,
-        Part::Tiers,
-        Part::Steps,
-        Part::Critic,
-        Part::Vote,
-    ];
+    pub const ALL: [Part; 8] =
+        [Part::Rooms, Part::Pruning, Part::Verify, Part::Octants, Part::Tiers, Part::Steps, Part::Critic, Part::Vote];
 
     /// The word on a command line.
     pub fn word(self) -> &'static str {

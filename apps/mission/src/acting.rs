@@ -5,9 +5,14 @@ use nalgebra::{Point2, Point3};
 use octant_prompt::{Action, Critique, CritiqueCode};
 use omni_perception::Stamp;
 
-use crate::approach::{floor_distance_m, stand_before};
+use crate::approach::{Stand, floor_distance_m, stand_before};
 use crate::goal::{Goal, GoalStatus};
 use crate::mission::{Mission, Outcome, StepDone};
+
+/// Near enough to the place before a thing.
+pub(crate) const STAND_TOLERANCE_M: f64 = 0.2;
+/// Near enough to the middle of a room.
+pub(crate) const ROOM_TOLERANCE_M: f64 = 1.0;
 
 /// What the robot is after, on behalf of which action.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,21 +128,12 @@ impl Mission {
         match action {
             Action::GoNear(id) => {
                 let object = self.world.graph.object(*id)?.clone();
-                const FALLBACK_M: f64 = 1.3;
                 self.stands_before_target = true;
-                let stand = stand_before(
-                    &object.bounds,
-                    &self.reach_from(&here),
-                    self.world.floor_m + self.world.camera_height_m(),
-                    self.config.stop_distance_m - 0.15,
-                    FALLBACK_M,
-                    &|eye, thing| self.world.is_clear(eye, thing),
-                    &|point| self.world.navigation.lacking_m(point),
-                );
+                let stand = self.stand_for(*id, &here);
                 if let Some(stand) = stand {
                     return Some(Goal::Reach {
                         target: stand.at,
-                        tolerance_m: 0.2,
+                        tolerance_m: STAND_TOLERANCE_M,
                         heading_rad: Some(stand.heading_rad),
                     });
                 }
@@ -155,7 +151,7 @@ impl Mission {
             }
             Action::GoToRoom(id) => {
                 let room = self.world.graph.room(*id)?;
-                Some(Goal::Reach { target: room.center.xy(), tolerance_m: 1.0, heading_rad: None })
+                Some(Goal::Reach { target: room.center.xy(), tolerance_m: ROOM_TOLERANCE_M, heading_rad: None })
             }
             Action::TurnTo(octant) => {
                 let (_, _, yaw_rad) = odometry.world_from_body.rotation.euler_angles();
@@ -163,6 +159,22 @@ impl Mission {
             }
             Action::Stop(_) | Action::GiveUp { .. } => None,
         }
+    }
+
+    /// The best place to look at a thing, for a robot that comes from `here`; `None` if it cannot get near.
+    pub(crate) fn stand_for(&self, id: ObjectId, here: &Point2<f64>) -> Option<Stand> {
+        const FALLBACK_M: f64 = 1.3;
+        /// Inside the stop distance by so much: the body ends a little off its goal.
+        const SPARE_M: f64 = 0.15;
+        stand_before(
+            &self.world.graph.object(id)?.bounds,
+            &self.reach_from(here),
+            self.world.floor_m + self.world.camera_height_m(),
+            self.config.stop_distance_m - SPARE_M,
+            FALLBACK_M,
+            &|eye, thing| self.world.is_clear(eye, thing),
+            &|point| self.world.navigation.lacking_m(point),
+        )
     }
 
     /// The critic agreed that the present step is done: the next one, or the end.

@@ -179,7 +179,7 @@ impl Body {
 }
 
 /// The world as a planner asks about it: the map, the zones to keep out of, and what the graph says moves.
-fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
+pub(crate) fn with_air<T>(world: &WorldModel, ask: impl FnOnce(&AirSpace) -> T) -> T {
     let movers = world.odometry.map_or_else(Vec::new, |odometry| movers(&world.graph, odometry.stamp));
     let closed = ClosedAir { zones: &world.zones, posts: world.zone_posts(), far_m: world.field.max_distance_m() };
     let distance = |point: &Point3<f64>| closed.distance_m(point, world.field.distance(point));

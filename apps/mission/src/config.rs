@@ -158,7 +158,8 @@ impl MissionConfig {
             return Err(MissionError::Config { name, value, accepted: "a number that is not negative" });
         }
         if let Some((name, value)) = self.link.as_ref().and_then(LinkConfig::wrong) {
-            let accepted = "a number that is not negative, a share from 0 to 1, or a longest time that is not below the shortest";
+            let accepted =
+                "a number that is not negative, a share from 0 to 1, or a longest time that is not below the shortest";
             return Err(MissionError::Config { name, value, accepted });
         }
         if let Some(battery) = &self.battery {

@@ -417,15 +417,14 @@ mod tests {
             offset_ns,
             ring,
         });
-        let mask = (prop::collection::vec(any::<bool>(), 12), "[a-z ä]{0,9}", any::<u8>(), any::<Option<u64>>()).prop_map(
-            |(pixels, label, score, track)| Mask {
+        let mask = (prop::collection::vec(any::<bool>(), 12), "[a-z ä]{0,9}", any::<u8>(), any::<Option<u64>>())
+            .prop_map(|(pixels, label, score, track)| Mask {
                 rle: Rle::from_rows(4, 3, &pixels).unwrap(),
                 caption: label.repeat(2),
                 label,
                 score: f32::from(score),
                 track,
-            },
-        );
+            });
         prop_oneof![
             (stamp(), vector(), vector()).prop_map(|(stamp, a, b)| SensorEvent::Imu(ImuSample {
                 stamp,
@@ -496,7 +495,8 @@ mod tests {
 
     #[test]
     fn a_cut_log_and_another_file_are_named() {
-        let bytes = written(&[(5, vec![SensorEvent::Battery(BatteryState { stamp: Stamp(1), charge: 0.5 })]), (6, vec![])]);
+        let bytes =
+            written(&[(5, vec![SensorEvent::Battery(BatteryState { stamp: Stamp(1), charge: 0.5 })]), (6, vec![])]);
         let cut = &bytes[..bytes.len() - 3];
         let mut reader = EventLogReader::new(cut).unwrap();
         assert_eq!(reader.next_cycle().unwrap().unwrap().now, Stamp(5));

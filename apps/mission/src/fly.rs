@@ -20,6 +20,7 @@ use crate::stream::{Command, FlightSetPoint};
 use crate::zones::{MARGIN_M, Zones};
 use stages::limit_at;
 
+mod rehearsal;
 mod replan;
 mod stages;
 

@@ -58,8 +58,7 @@ pub struct GraphBuilder {
 impl GraphBuilder {
     /// Nothing built yet. `without` names the parts that an experiment leaves out.
     pub fn new(without: &Ablation) -> GraphBuilder {
-        let association =
-            AssociationConfig { counts_votes: without.keeps(Part::Vote), ..AssociationConfig::default() };
+        let association = AssociationConfig { counts_votes: without.keeps(Part::Vote), ..AssociationConfig::default() };
         GraphBuilder { association, without: without.clone(), ..GraphBuilder::default() }
     }
 

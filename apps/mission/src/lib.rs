@@ -61,6 +61,7 @@ pub mod relation_verifier;
 mod returning;
 pub mod rig;
 pub mod rooms;
+pub mod route_plan;
 #[cfg(test)]
 mod same_mind;
 pub mod scan_queue;

@@ -71,7 +71,8 @@ impl Link {
         let (low, high) = self.config.latency_s;
         // Always as many draws for a call, so that arms of an experiment that differ in one number share the others.
         let (place, luck): (f64, f64) = (self.rng.random(), self.rng.random());
-        let latency_s = if high > low && low > 0.0 { low * (high / low).powf(place) } else { low + (high - low) * place };
+        let latency_s =
+            if high > low && low > 0.0 { low * (high / low).powf(place) } else { low + (high - low) * place };
         let is_out = self.config.outage_s.is_some_and(|(from_s, for_s)| (from_s..from_s + for_s).contains(&now_s));
         if is_out || luck < self.config.loss || latency_s > self.config.timeout_s {
             return (self.config.timeout_s, false);
@@ -152,6 +153,9 @@ mod tests {
         let wrong = |config: LinkConfig| config.wrong().map(|(name, _)| name);
         assert_eq!(wrong(LinkConfig { latency_s: (2.0, 1.0), ..LinkConfig::default() }), Some("link.latency_s"));
         assert_eq!(wrong(LinkConfig { loss: 1.5, ..LinkConfig::default() }), Some("link.loss"));
-        assert_eq!(wrong(LinkConfig { outage_s: Some((f64::NAN, 1.0)), ..LinkConfig::default() }), Some("link.outage_s"));
+        assert_eq!(
+            wrong(LinkConfig { outage_s: Some((f64::NAN, 1.0)), ..LinkConfig::default() }),
+            Some("link.outage_s")
+        );
     }
 }

@@ -11,9 +11,20 @@ use crate::snapshot::Snapshot;
 
 /// What the goal of a step is, as far as it was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Subject {
+pub(crate) enum Subject {
     Object(ObjectId),
     Room(RoomId),
+}
+
+/// The nearest place to a goal that cannot be reached.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Offer {
+    /// What the robot says.
+    pub sentence: String,
+    /// The reachable place, in the map.
+    pub nearest: Point2<f64>,
+    /// How far from the goal it is.
+    pub off_m: f64,
 }
 
 /// Why there is no way to a place.
@@ -76,7 +87,7 @@ impl Mission {
     pub(crate) fn with_offer(&mut self, reason: &str) -> String {
         let Some(snapshot) = self.snapshot() else { return reason.to_owned() };
         if let Some(offer) = self.subject(&snapshot).and_then(|subject| self.offer(subject)) {
-            return offer;
+            return offer.sentence;
         }
         match self.closed_search() {
             Some(closed) => format!("{reason} {closed}"),
@@ -85,7 +96,7 @@ impl Mission {
     }
 
     /// The known goal that the robot cannot get to: by the rule of reasoner and critic, or because it tried.
-    fn subject(&self, snapshot: &Snapshot) -> Option<Subject> {
+    pub(crate) fn subject(&self, snapshot: &Snapshot) -> Option<Subject> {
         let step = self.instruction.steps.get(self.step_index)?;
         let known = snapshot.with_situation(|situation| candidates(situation, &self.critic.grounding));
         if step.kind == StepKind::GoToRoom {
@@ -100,7 +111,7 @@ impl Mission {
         out_of_reach.map(|object| object.found.id).or(tried).map(Subject::Object)
     }
 
-    fn offer(&self, subject: Subject) -> Option<String> {
+    pub(crate) fn offer(&self, subject: Subject) -> Option<Offer> {
         let (name, at) = match subject {
             Subject::Object(id) => self.world.graph.object(id).map(|object| (object.label.clone(), object.centroid)),
             Subject::Room(id) => self.world.graph.room(id).map(|room| (room.name.clone(), room.center)),
@@ -113,12 +124,13 @@ impl Mission {
         let room = room
             .and_then(|id| self.world.graph.room(id))
             .map_or(String::new(), |room| format!(", in the {}", room.name));
-        Some(format!(
+        let sentence = format!(
             "I know where the {name} is, but cannot get there: it {}. The nearest place that I can reach is {off_m:.1} m from it, at {:.1}, {:.1}{room}.",
             obstacle.clause(),
             nearest.x,
             nearest.y
-        ))
+        );
+        Some(Offer { sentence, nearest, off_m })
     }
 
     /// A search that left a zone out says so.

@@ -6,7 +6,10 @@
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use octant_prompt::vocabulary::{Class, class_similarity};
-use octant_prompt::{Action, Attempt, Critique, CritiqueCode, Estimate, Prompt, Reasoner, ReasonerError, Reply, Situation, SymbolicReasoner, TokenCounter, parse_reply};
+use octant_prompt::{
+    Action, Attempt, Critique, CritiqueCode, Estimate, Prompt, Reasoner, ReasonerError, Reply, Situation,
+    SymbolicReasoner, TokenCounter, parse_reply,
+};
 
 use crate::acting::Target;
 use crate::goal::{Goal, GoalStatus};
@@ -52,7 +55,10 @@ impl Mission {
                     }
                 }
                 // Who came to look for something looks round first, if it has to turn for that.
-                if matches!(self.target, Target::Action(Action::Explore(_))) && !self.sees_all_round() && !self.has_looked {
+                if matches!(self.target, Target::Action(Action::Explore(_)))
+                    && !self.sees_all_round()
+                    && !self.has_looked
+                {
                     self.has_looked = true;
                     self.look_round(t_s);
                     return false;

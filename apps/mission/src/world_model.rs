@@ -236,6 +236,14 @@ impl WorldModel {
         self.builder.forget_frontiers(&mut self.graph);
     }
 
+    /// The robot is thought to stand at rest there, and no sensor says anything: what the map does not know round it stays unknown, but
+    /// for the floor under its own outline.
+    pub(crate) fn imagine_at(&mut self, world_from_body: Isometry3<f64>) {
+        let stamp = Stamp(self.odometry.as_ref().map_or(0, |odometry| odometry.stamp.0) + 1);
+        self.odometry = Some(OdometryEstimate::at_rest(stamp, world_from_body));
+        self.blind_m = 0.0;
+    }
+
     /// Where the odometry's frame lies in the map; identity until the map has been turned to the walls.
     pub fn frame(&self) -> MapFrame {
         match &self.frame {

@@ -1,4 +1,4 @@
-//! `omnivln ask SCENE "INSTRUCTION"`: the reasoning on a saved scene graph, without a robot.
+//! `omnivln ask SCENE "INSTRUCTION"`: the reasoning on a saved scene graph, without a robot; with `--plan` the way of one (`ask_plan.rs`).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,29 +16,46 @@ use clap::Args;
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 
+use crate::bench::Robot;
+
 /// Options of `ask`.
 #[derive(Debug, Args)]
 pub struct AskOptions {
     /// A run folder, our graph.json, or a spark_dsg JSON file
-    scene: PathBuf,
+    pub scene: PathBuf,
     /// What to find, in English
-    instruction: String,
+    pub instruction: String,
     /// Where the robot stands: metres and degrees; by default where the graph's robot was last, or in the middle of a room
     #[arg(long, value_name = "X,Y,Z,YAW", allow_hyphen_values = true, value_parser = parse_pose)]
-    pose: Option<Pose>,
+    pub pose: Option<Pose>,
     /// JSON file {"number": "name"} with names for numeric labels
     #[arg(long, value_name = "FILE")]
-    labels: Option<PathBuf>,
+    pub labels: Option<PathBuf>,
     /// Largest number of tokens in the prompt
     #[arg(long, default_value_t = 600)]
     budget: usize,
+    /// Plan the way of a robot, step by step, from graph and map of a run folder alone; exit code 1 where there is none for it
+    #[arg(long)]
+    pub plan: bool,
+    /// Plan for this robot, on the ground or with rotors; what it needs round itself comes from here
+    #[arg(long, value_name = "FILE", requires = "plan")]
+    pub urdf: Option<PathBuf>,
+    /// Plan for a robot of this kind: the built-in one, by default that on the ground
+    #[arg(long, value_enum, requires = "plan")]
+    pub robot: Option<Robot>,
+    /// Draw map and way into one page
+    #[arg(long, value_name = "FILE", requires = "plan")]
+    pub html: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 /// Loads, reasons, prints.
 pub fn run(options: &AskOptions) -> Result<ExitCode> {
+    if options.plan {
+        return crate::ask_plan::run(options);
+    }
     let labels = options.labels.as_deref().map(read_labels).transpose()?;
     let graph = load_graph(&options.scene, labels.as_ref())?;
     let instruction = parse_instruction(&options.instruction);
@@ -201,7 +218,7 @@ fn read_labels(path: &Path) -> Result<BTreeMap<u32, String>> {
 }
 
 /// Where the graph's robot was last; else the middle of the room with the smallest id, else of everything.
-fn default_pose(graph: &SceneGraph) -> Result<Isometry3<f64>> {
+pub fn default_pose(graph: &SceneGraph) -> Result<Isometry3<f64>> {
     if let Some(last) = graph.agents().filter_map(|agent| agent.trajectory.last()).max_by_key(|pose| pose.stamp_ns) {
         return Ok(last.world_from_body);
     }

@@ -11,11 +11,14 @@ use arena::bench_map::{BenchMap, bench_map};
 use arena::bench_nav::{BenchNav, Given, bench_nav};
 use arena::cli::{load_robot, stop_at_ctrl_c};
 use arena::instructions::{Answers, open_instructions};
+use arena::known_building::KnownFrom;
 use arena::map_score::MapScore;
 use arena::map_score::ratio::{Ratio, Spread};
 use arena::mission::robot_model::RobotKind;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
+
+use crate::building_options::BuildingOptions;
 
 /// Which robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -95,6 +98,9 @@ pub struct NavOptions {
     /// The robot has surveyed each building before, and does not know where in it it stands
     #[arg(long)]
     known: bool,
+    /// This share of the things in each building (0 to 1) was moved since the survey, or is gone
+    #[arg(long, requires = "known", value_name = "SHARE")]
+    moved: Option<f64>,
     /// Run the instructions of FILE instead of drawn ones, a JSON object a line: {"scene": "flat"|17, "text": "...", "targets": [ids of
     /// true objects; none: there is no such thing, and the robot must say so], "kind": "typo"}; also "rooms", "steps", "start", "seed"
     /// (documentation of arena::instructions)
@@ -105,6 +111,8 @@ pub struct NavOptions {
     answers: Option<PathBuf>,
     #[command(flatten)]
     arms: ArmOptions,
+    #[command(flatten)]
+    buildings: BuildingOptions,
 }
 
 /// Runs the bench and prints its table or its JSON.
@@ -125,13 +133,17 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
     config.simulation.crowd.people = options.people;
     config.simulation.crowd.heeds_robot = !options.heedless;
     let stop = stop_at_ctrl_c()?;
+    let moved = options.moved.unwrap_or(0.0);
+    anyhow::ensure!((0.0..=1.0).contains(&moved), "--moved must be a share between 0 and 1, not {moved}");
+    let known = options.known.then_some(KnownFrom { moved });
+    let buildings = options.buildings.read()?;
     let arms = options.arms.arms(&asked.noise)?;
     let mut results = Vec::new();
     for (name, config) in arms.configs(&config) {
         let keep = asked.keep.as_ref().map(|keep| if arms.varied.is_empty() { keep.clone() } else { keep.join(&name) });
-        let known = options.known;
+        let keep = keep.as_deref();
         let result =
-            bench_nav(&robot, kind, &indices, given, asked.seed, &config, known, keep.as_deref(), asked.quiet, &stop)?;
+            bench_nav(&robot, kind, &indices, given, asked.seed, &config, &buildings, known, keep, asked.quiet, &stop)?;
         if !asked.json {
             if !arms.varied.is_empty() {
                 arena::say!("\n== {} {name}", arms.varied[0].option());

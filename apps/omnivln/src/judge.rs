@@ -10,7 +10,9 @@ use serde_json::{Value, json};
 
 /// Options of `judge`.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 the verdict is that of summary.json, or there is none to compare; 1 it differs; 2 truth/ cannot be read.")]
+#[command(
+    after_help = "Exit codes: 0 the verdict is that of summary.json, or there is none to compare; 1 it differs; 2 truth/ cannot be read."
+)]
 pub struct JudgeOptions {
     /// A run folder
     run: PathBuf,
@@ -52,7 +54,12 @@ pub fn run(options: &JudgeOptions) -> Result<ExitCode> {
             arena::say!("  step {}: declared at {:.1} s, {right}", step.step + 1, step.declared_s);
         }
         let shortest = verdict.shortest_m.map_or("none".to_owned(), |m| format!("{m:.2} m"));
-        arena::say!("  way {:.2} m in {:.1} s, shortest way {shortest}, SPL {:.3}", verdict.path_m, judgement.sim_s, verdict.spl);
+        arena::say!(
+            "  way {:.2} m in {:.1} s, shortest way {shortest}, SPL {:.3}",
+            verdict.path_m,
+            judgement.sim_s,
+            verdict.spl
+        );
         arena::say!(
             "  {} collisions, {} contacts with people, {} entries into zones",
             verdict.collisions,

@@ -1,6 +1,7 @@
 //! The toolbox: ask a saved scene graph, record, read and map bags, align and fuse scans, find rooms in plans, run benches.
 
 mod ask;
+mod ask_plan;
 mod barcode;
 mod bench;
 mod bench_latency;
@@ -9,6 +10,7 @@ mod bench_patrol;
 mod bench_reg;
 mod bench_tiers;
 mod bench_tokens;
+mod building_options;
 mod dsg;
 mod floor_of_places;
 mod fuse;
@@ -82,6 +84,7 @@ enum Command {
 }
 
 #[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant)] // there is one of it
 enum BenchCommand {
     /// Many buildings and instructions, drawn from a seed, with the referee's verdicts
     Nav(bench::NavOptions),

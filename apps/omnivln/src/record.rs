@@ -23,8 +23,10 @@ use crate::bench::Robot;
 is, and beside the bag masks/, tasks/ and truth/. With --dataset it holds many such folders and index.json. docs/dataset.md describes both."
 )]
 pub struct RecordOptions {
-    /// The building: a name (flat, office, corridor, narrow-door, spin) or a number, the seed of a generated building
-    #[arg(long, value_name = "NAME|SEED", default_value = "flat", conflicts_with = "dataset")]
+    /// The building: a name (flat, office, corridor, narrow-door, spin), a number, the seed of a generated building, or a file: a floor
+    /// plan (FILE.png, 5 cm a pixel, white is free; FILE.png#7 for other rooms of it, #7,shuffled or #7,uniform for other furniture), or a
+    /// scene with named objects (.obj, .gltf, .glb)
+    #[arg(long, value_name = "NAME|SEED|FILE", default_value = "flat", conflicts_with = "dataset")]
     scene: String,
     /// Folder to write; an earlier recording there is replaced once this one is complete
     #[arg(long, value_name = "DIR")]

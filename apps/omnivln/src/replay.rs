@@ -21,7 +21,9 @@ use serde_json::{Value, json};
 
 /// Options of `replay`.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 every decision is the same; 1 one differs; 2 the run cannot be replayed (it needs --record when it is run).")]
+#[command(
+    after_help = "Exit codes: 0 every decision is the same; 1 one differs; 2 the run cannot be replayed (it needs --record when it is run)."
+)]
 pub struct ReplayOptions {
     /// A run folder that was made with --record
     run: PathBuf,
@@ -57,10 +59,18 @@ pub fn run(options: &ReplayOptions) -> Result<ExitCode> {
     let input = File::open(&log).with_context(|| {
         format!("reading {}; a run keeps what its sensors said if it is run with --record", log.display())
     })?;
-    let mut reader = EventLogReader::new(BufReader::new(input)).with_context(|| format!("reading {}", log.display()))?;
+    let mut reader =
+        EventLogReader::new(BufReader::new(input)).with_context(|| format!("reading {}", log.display()))?;
 
-    let mut mission =
-        Mission::new(&side.robot, &file.instruction, side.mission, side.camera, mind, file.start(), &side.start_in_map)?;
+    let mut mission = Mission::new(
+        &side.robot,
+        &file.instruction,
+        side.mission,
+        side.camera,
+        mind,
+        file.start(),
+        &side.start_in_map,
+    )?;
     if let Some(known) = side.known {
         mission.know(known);
     }
@@ -85,8 +95,9 @@ pub fn run(options: &ReplayOptions) -> Result<ExitCode> {
     view.finish();
     ensure!(cycles > 0, "{} holds no cycle", log.display());
 
-    let decided: Vec<Value> =
-        mission.journal.decisions.iter().map(serde_json::to_value).collect::<Result<_, serde_json::Error>>()?;
+    // Written and read as those of the run were: a reader of decimals may be off in the last bit, and then is so in both.
+    let reread = |decision| serde_json::from_str(&serde_json::to_string(decision)?);
+    let decided: Vec<Value> = mission.journal.decisions.iter().map(reread).collect::<Result<_, serde_json::Error>>()?;
     let first = (0..decided.len().max(wanted.len())).find_map(|index| {
         let what = difference(wanted.get(index), decided.get(index), side.options.model.is_some())?;
         Some((index, what))
@@ -125,7 +136,7 @@ fn difference(then: Option<&Value>, now: Option<&Value>, has_server: bool) -> Op
     let keys = then.as_object()?.keys().chain(now.as_object()?.keys());
     let key = keys
         .filter(|key| !(has_server && SAID_BY_SERVERS.contains(&key.as_str())))
-        .find(|key| then[key.as_str()].to_string() != now[key.as_str()].to_string())?;
+        .find(|key| then[key.as_str()] != now[key.as_str()])?;
     Some(format!("\"{key}\" was {} and is {}", short(&then[key.as_str()]), short(&now[key.as_str()])))
 }
 

@@ -46,9 +46,13 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     fn header(&mut self) {
-        let (at, yaw_deg) = (self.situation.position(), self.situation.world_from_body.rotation.euler_angles().2.to_degrees());
+        let (at, yaw_deg) =
+            (self.situation.position(), self.situation.world_from_body.rotation.euler_angles().2.to_degrees());
         let own = self.situation.room().map_or_else(|| "no known room".to_string(), room_word);
-        self.line(format_args!("You are at ({:.2}, {:.2}, {:.2}) in {own}, heading {yaw_deg:.0} degrees.", at.x, at.y, at.z));
+        self.line(format_args!(
+            "You are at ({:.2}, {:.2}, {:.2}) in {own}, heading {yaw_deg:.0} degrees.",
+            at.x, at.y, at.z
+        ));
         self.line(format_args!("Think: room, direction, group, object. Reply with one action: go_to_room(id), turn_to(octant), go_near(id), explore(id), stop(id)."));
         for room in self.situation.graph.rooms() {
             let center = self.place_of(&room.center);

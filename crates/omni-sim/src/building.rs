@@ -6,6 +6,7 @@
 use nalgebra::{Point2, Point3};
 use thiserror::Error;
 
+use crate::cooccurrence::Cooccurrence;
 pub use crate::generator::generate;
 use crate::mesh::{Mover, TriangleMesh};
 
@@ -25,11 +26,21 @@ pub struct BuildingConfig {
     /// Free width kept from every door of a room to every other and to the usable side of every piece of furniture, metres,
     /// 0.5 to `min_door_m`: the disc a turning robot sweeps, with a margin. Default 0.95.
     pub passage_m: f64,
+    /// Which things stand in which kind of room. Default [`Cooccurrence::Usual`].
+    pub cooccurrence: Cooccurrence,
 }
 
 impl Default for BuildingConfig {
     fn default() -> Self {
-        Self { seed: 0, rooms: 5, storeys: 1, style: Style::Flat, min_door_m: 1.0, passage_m: 0.95 }
+        Self {
+            seed: 0,
+            rooms: 5,
+            storeys: 1,
+            style: Style::Flat,
+            min_door_m: 1.0,
+            passage_m: 0.95,
+            cooccurrence: Cooccurrence::Usual,
+        }
     }
 }
 

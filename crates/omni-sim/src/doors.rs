@@ -76,7 +76,7 @@ pub fn draw_doors(rng: &mut impl Rng, plan: &StoreyPlan, min_door_m: f64) -> Opt
 }
 
 /// Rooms nobody should have to walk through.
-fn is_private(kind: RoomKind) -> bool {
+pub(crate) fn is_private(kind: RoomKind) -> bool {
     matches!(kind, RoomKind::Bathroom | RoomKind::Restroom | RoomKind::StorageRoom | RoomKind::LaundryRoom)
 }
 

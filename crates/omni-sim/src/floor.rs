@@ -236,7 +236,7 @@ fn sample_triangles(mesh: &TriangleMesh, pose: &Isometry3<f64>, visit: &mut impl
 
 /// Exact Euclidean distance in metres from each cell's middle to the nearest blocked cell's middle (two passes of lower
 /// envelopes of parabolas, Felzenszwalb and Huttenlocher 2012), less half a cell.
-fn distance_to_blocked(is_free: &[bool], width: usize, height: usize) -> Vec<f32> {
+pub(crate) fn distance_to_blocked(is_free: &[bool], width: usize, height: usize) -> Vec<f32> {
     const FAR: f64 = 1e9;
     let mut squared: Vec<f64> = is_free.iter().map(|free| if *free { FAR } else { 0.0 }).collect();
     let mut column = vec![0.0; height];

@@ -4,8 +4,10 @@
 //! sofa. Chances below one and ranges of counts make rooms of a kind differ.
 
 use rand::RngExt;
+use rand::seq::IndexedRandom;
 
 use crate::building::RoomKind;
+use crate::cooccurrence::{Cooccurrence, Habits};
 use crate::placement::{Furnisher, Place};
 
 /// One line of a recipe.
@@ -34,10 +36,47 @@ const fn sets(class: &'static str, count: (u32, u32), place: Place, with: &'stat
     Line { class, count, chance: 1.0, place, with }
 }
 
-/// Furnishes one room by its recipe.
-pub fn furnish(furnisher: &mut Furnisher, kind: RoomKind) {
+/// Furnishes one room: by its recipe, or by what gives it its name and what the habits of the building put there besides.
+pub fn furnish(furnisher: &mut Furnisher, kind: RoomKind, habits: &Habits) {
     follow(furnisher, daylight(kind), None);
-    follow(furnisher, recipe(kind), None);
+    if habits.cooccurrence == Cooccurrence::Usual {
+        follow(furnisher, recipe(kind), None);
+        return;
+    }
+    let is_own = |line: &&Line| essentials(kind).contains(&line.class);
+    recipe(kind).iter().filter(is_own).for_each(|line| follow(furnisher, std::slice::from_ref(line), None));
+    if habits.cooccurrence == Cooccurrence::Shuffled {
+        let lines = recipe(habits.table_of(kind)).iter().filter(|line| !names_a_room(line.class));
+        lines.for_each(|line| follow(furnisher, std::slice::from_ref(line), None));
+        return;
+    }
+    const THINGS: usize = 10;
+    for _ in 0..THINGS {
+        let lines: Vec<&Line> =
+            recipe(Habits::any_kind(furnisher.rng)).iter().filter(|line| !names_a_room(line.class)).collect();
+        if let Some(line) = lines.choose(furnisher.rng) {
+            follow(furnisher, std::slice::from_ref(*line), None);
+        }
+    }
+}
+
+/// Some kind of room is known by it, so it stands in no other when things are exchanged.
+fn names_a_room(class: &str) -> bool {
+    use RoomKind::*;
+    let named = [
+        LivingRoom,
+        Kitchen,
+        DiningRoom,
+        Bedroom,
+        Bathroom,
+        Office,
+        LaundryRoom,
+        MeetingRoom,
+        Lab,
+        PrintRoom,
+        Reception,
+    ];
+    class != "chair" && class != "coffee table" && named.iter().any(|kind| essentials(*kind).contains(&class))
 }
 
 fn follow(furnisher: &mut Furnisher, lines: &[Line], parent: Option<usize>) {

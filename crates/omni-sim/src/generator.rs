@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::building::{Building, BuildingConfig, RoomKind, RoomTruth, SceneError};
 use crate::caption::write_captions;
+use crate::cooccurrence::{Cooccurrence, Habits};
 use crate::door_leaves::hang_leaves;
 use crate::doors::{PlanDoor, draw_doors, leads_through_private_rooms};
 use crate::floorplan::{StoreyPlan, draw_plans};
@@ -43,7 +44,7 @@ pub fn generate(config: &BuildingConfig) -> Result<Building, SceneError> {
         // Nobody likes to reach the bedroom through the bathroom, but it is better than no building.
         let is_awkward = plans.iter().zip(&doors).any(|(p, d)| leads_through_private_rooms(p, d));
         if !is_awkward || attempt >= PLAN_ATTEMPTS / 2 {
-            return Ok(raise(&plans, &doors, config.seed, config.passage_m, Furnishing::Full));
+            return Ok(raise(&plans, &doors, config.seed, config.passage_m, Furnishing::Full(config.cooccurrence)));
         }
     }
     Err(SceneError::NoPlan { seed: config.seed, rooms: config.rooms })
@@ -77,8 +78,8 @@ impl BuildingConfig {
 /// What stands in the rooms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Furnishing {
-    /// Furniture and small things.
-    Full,
+    /// Furniture and small things, as they occur together.
+    Full(Cooccurrence),
     /// Nothing.
     Bare,
 }
@@ -140,8 +141,9 @@ pub(crate) fn raise(
             let id = first_room + index as u32;
             let mut room_rng = ChaCha8Rng::seed_from_u64(seed);
             room_rng.set_stream(16 + u64::from(id));
-            let items = if furnishing == Furnishing::Full {
-                furnish_room(&mut room_rng, &space, room.kind, entrance == Some(index))
+            let items = if let Furnishing::Full(cooccurrence) = furnishing {
+                let habits = Habits::of(cooccurrence, seed);
+                furnish_room(&mut room_rng, &space, room.kind, &habits, entrance == Some(index))
             } else {
                 Vec::new()
             };
@@ -164,11 +166,17 @@ pub(crate) fn raise(
 }
 
 /// The best of a few attempts: one that has all essentials of the room's kind, then the richest.
-fn furnish_room(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_entrance: bool) -> Vec<Item> {
+pub(crate) fn furnish_room(
+    rng: &mut ChaCha8Rng,
+    space: &RoomSpace,
+    kind: RoomKind,
+    habits: &Habits,
+    is_entrance: bool,
+) -> Vec<Item> {
     let mut best: Option<(usize, Vec<Item>)> = None;
     let wanted = essentials(kind);
     for attempt in 0..ROOM_ATTEMPTS_MAX {
-        let items = try_furnishing(rng, space, kind, is_entrance);
+        let items = try_furnishing(rng, space, kind, habits, is_entrance);
         let has = |name: &&&str| items.iter().any(|i| i.class.name == **name);
         let present = wanted.iter().filter(has).count();
         // A desk or a table wants its chairs more than a room wants another picture.
@@ -186,14 +194,20 @@ fn furnish_room(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_entr
 }
 
 /// Entrance and door leaves first, then furniture, small things; what no robot could look at is taken out again.
-fn try_furnishing(rng: &mut ChaCha8Rng, space: &RoomSpace, kind: RoomKind, is_entrance: bool) -> Vec<Item> {
+fn try_furnishing(
+    rng: &mut ChaCha8Rng,
+    space: &RoomSpace,
+    kind: RoomKind,
+    habits: &Habits,
+    is_entrance: bool,
+) -> Vec<Item> {
     let mut furnisher = Furnisher::new(rng, space);
     if is_entrance {
         furnisher.put_entrance();
     }
     hang_leaves(&mut furnisher, kind);
-    furnish(&mut furnisher, kind);
-    strew(&mut furnisher, kind);
+    furnish(&mut furnisher, kind, habits);
+    strew(&mut furnisher, kind, habits);
     let Some(reach) = furnisher.reach() else {
         return Vec::new();
     };
@@ -250,7 +264,7 @@ fn door_fronts(
 }
 
 /// `"bedroom"`, `"bedroom 2"`, ...
-fn name_rooms(rooms: &mut [RoomTruth]) {
+pub(crate) fn name_rooms(rooms: &mut [RoomTruth]) {
     for i in 0..rooms.len() {
         let before = rooms[..i].iter().filter(|r| r.kind == rooms[i].kind).count();
         let name = rooms[i].kind.name();
@@ -259,7 +273,7 @@ fn name_rooms(rooms: &mut [RoomTruth]) {
 }
 
 /// Paint and flooring of a room.
-fn finish(rng: &mut ChaCha8Rng, kind: RoomKind) -> Finish {
+pub(crate) fn finish(rng: &mut ChaCha8Rng, kind: RoomKind) -> Finish {
     use RoomKind::*;
     const PAINTS: [[u8; 3]; 7] = [
         [236, 233, 226],

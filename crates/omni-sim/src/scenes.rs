@@ -1,6 +1,7 @@
 //! Named scenes: two default buildings and three special ones that test one thing each.
 
 use crate::building::{Building, BuildingConfig, RoomKind, Style, generate};
+use crate::cooccurrence::Cooccurrence;
 use crate::doors::PlanDoor;
 use crate::floorplan::{Border, Cells, PlanRoom, StoreyPlan};
 use crate::generator::{Furnishing, raise};
@@ -45,9 +46,14 @@ pub fn named_scene_for(name: &str, min_door_m: f64, passage_m: f64) -> Option<Bu
         "narrow-door" => {
             let rooms = vec![room(RoomKind::Study, 0, 0, 90, 84), room(RoomKind::LivingRoom, 90, 0, 190, 90)];
             let opening = Border { vertical: true, line: 90, from: 36, to: 50 };
-            Some(build(rooms, vec![PlanDoor { rooms: (0, 1), opening }], 5, Furnishing::Full))
+            Some(build(rooms, vec![PlanDoor { rooms: (0, 1), opening }], 5, Furnishing::Full(Cooccurrence::Usual)))
         }
-        "spin" => Some(build(vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)], vec![], 3, Furnishing::Full)),
+        "spin" => Some(build(
+            vec![room(RoomKind::LivingRoom, 0, 0, 110, 100)],
+            vec![],
+            3,
+            Furnishing::Full(Cooccurrence::Usual),
+        )),
         _ => None,
     }
 }

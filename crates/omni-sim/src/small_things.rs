@@ -6,6 +6,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use crate::building::{Bounds, RoomKind};
 use crate::catalog::class;
 use crate::colors::draw_color;
+use crate::cooccurrence::{Cooccurrence, Habits};
 use crate::item::Item;
 use crate::models::build;
 use crate::passage::Reach;
@@ -23,12 +24,19 @@ const BETWEEN_M: f64 = 0.01;
 const TRIES: usize = 24;
 
 /// Puts small things on everything that carries some.
-pub fn strew(furnisher: &mut Furnisher, kind: RoomKind) {
+pub fn strew(furnisher: &mut Furnisher, kind: RoomKind, habits: &Habits) {
     let Some(reach) = furnisher.reach() else {
         return;
     };
     for support in 0..furnisher.items.len() {
-        let name = furnisher.items[support].class.name;
+        let own = furnisher.items[support].class.name;
+        if habits.cooccurrence != Cooccurrence::Usual && things_on(own, kind).2.1 == 0 {
+            continue; // carries nothing
+        }
+        let name = match habits.cooccurrence {
+            Cooccurrence::Uniform => Habits::any_support(furnisher.rng),
+            _ => habits.support_of(own),
+        };
         let (certain, likely, count) = things_on(name, kind);
         for thing in certain {
             stand(furnisher, thing, support, &reach);

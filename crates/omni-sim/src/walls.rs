@@ -81,9 +81,9 @@ pub struct Finish {
 }
 
 /// Paint outside and in the doorways.
-const TRIM: [u8; 3] = [225, 222, 215];
+pub(crate) const TRIM: [u8; 3] = [225, 222, 215];
 /// All ceilings.
-const CEILING: [u8; 3] = [240, 240, 238];
+pub(crate) const CEILING: [u8; 3] = [240, 240, 238];
 
 impl StoreyWalls {
     /// Gives the lines of a plan a thickness. `hole` is cut into the grid so that a shaft may open there.
@@ -333,7 +333,7 @@ fn opening_rect(door: &PlanDoor, half: f64) -> Rect {
 }
 
 /// A horizontal rectangle of structure, facing up or down.
-fn push_level(mesh: &mut TriangleMesh, r: &Rect, z: f64, up: bool, color: [u8; 3]) {
+pub(crate) fn push_level(mesh: &mut TriangleMesh, r: &Rect, z: f64, up: bool, color: [u8; 3]) {
     let corner = |x: f64, y: f64| Point3::new(x, y, z);
     let mut quad =
         [corner(r.min.x, r.min.y), corner(r.max.x, r.min.y), corner(r.max.x, r.max.y), corner(r.min.x, r.max.y)];
@@ -344,7 +344,7 @@ fn push_level(mesh: &mut TriangleMesh, r: &Rect, z: f64, up: bool, color: [u8; 3
 }
 
 /// A vertical rectangle of structure above the line from `a` to `b`, facing the left-hand side of the line.
-fn push_wall(mesh: &mut TriangleMesh, a: (f64, f64), b: (f64, f64), z0: f64, z1: f64, color: [u8; 3]) {
+pub(crate) fn push_wall(mesh: &mut TriangleMesh, a: (f64, f64), b: (f64, f64), z0: f64, z1: f64, color: [u8; 3]) {
     let quad =
         [Point3::new(b.0, b.1, z0), Point3::new(a.0, a.1, z0), Point3::new(a.0, a.1, z1), Point3::new(b.0, b.1, z1)];
     push_quad(mesh, quad, 0, color);

@@ -509,6 +509,7 @@ proptest! {
             style: if office { Style::Office } else { Style::Flat },
             min_door_m: 1.0 + 0.1 * f64::from(door),
             passage_m: 0.95,
+            ..BuildingConfig::default()
         };
         let b = generate(&c).expect("any seed gives a building");
         check_rooms(&c, &b);

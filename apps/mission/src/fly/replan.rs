@@ -15,7 +15,7 @@ use crate::goal::{Goal, GoalStatus};
 /// The next part of a way is planned when so much of the present one is left: more than it takes to brake.
 const REPLAN_BEFORE_S: f64 = 2.0;
 /// A part of a way counts as progress if it leaves so much less of it.
-const PROGRESS_M: f64 = 0.5;
+pub(super) const PROGRESS_M: f64 = 0.5;
 
 impl Fly {
     /// Plans anew on a fresh map: for a new goal, for the next part of a way, or because the old plan is no longer free. `route`
@@ -104,7 +104,7 @@ impl Fly {
 
     /// A flight to the end of a stage within its limit. One that would touch a slower zone all the same, beside the way, is flown as slowly as
     /// that demands.
-    fn plan_stage(
+    pub(super) fn plan_stage(
         &self,
         start: &FlightState,
         goal: &Point3<f64>,
@@ -269,7 +269,7 @@ impl Fly {
 }
 
 /// The point half way along a polyline.
-fn middle_of(route: &[Point2<f64>]) -> Point2<f64> {
+pub(super) fn middle_of(route: &[Point2<f64>]) -> Point2<f64> {
     let total: f64 = route.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
     let mut left = 0.5 * total;
     for leg in route.windows(2) {

@@ -77,8 +77,9 @@ impl WorldModel {
         let eye = world_from_camera * Point3::origin();
         let heading_rad = world_from_body.rotation.euler_angles().2;
         let view = Sector { eye, heading_rad, view_rad: self.config.view_rad };
-        clock
-            .time("objects", || self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &view, &self.volume));
+        clock.time("objects", || {
+            self.builder.observe(&mut self.graph, panorama.stamp.0, &evidence, &view, &self.volume)
+        });
         self.ignored.changes += self.builder.take_refusals();
         self.coverage.look_in_sector(&eye.xy(), view.heading_rad, view.view_rad, &self.slice);
         Some(world_from_camera)
