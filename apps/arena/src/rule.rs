@@ -23,9 +23,8 @@ impl Rule {
             Rule::Reach => plain,
             Rule::SayWhatIsMissing => match gave_up {
                 Some(reason) if names_what_is_missing(reason, text) => (true, format!("The robot said so: {reason}")),
-                Some(_) => (false, plain.1),
-                None if plain.0 => (false, "The robot stopped, though there is no such thing.".into()),
-                None => (false, plain.1),
+                // Without targets no place is the right one.
+                _ => (false, plain.1),
             },
             Rule::AskAndReach if plain.0 && questions == 0 => {
                 (false, "The robot stopped at one of several things that fit the words, and did not ask which.".into())

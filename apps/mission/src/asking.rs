@@ -1,8 +1,8 @@
 //! "Which one?": the robot asks when what it heard fits several things, holds while it waits, and takes the answer like any other order.
 //!
-//! Asked is only where somebody can answer ([`Control::AskMe`](crate::steering::Control::AskMe)). Question and answer stand in the
+//! Asked is only where somebody can answer ([`Control::AskMe`]). Question and answer stand in the
 //! journal, so that a run can be repeated. The sentence and the reading of the answer are the prompt crate's
-//! ([`octant_prompt::which_one`]).
+//! ([`mod@octant_prompt::which_one`]).
 
 use dsg::ObjectId;
 use nalgebra::Point3;
