@@ -49,7 +49,7 @@ fn route_clearance_and_speed_change_with_the_robot() {
     let top_mps = |run: &RunResult| -> f64 {
         let way = way(run);
         // Over half a second: the sway is not the speed.
-        way.windows(6).map(|part| (part[5] - part[0]).norm() / 0.5).fold(0.0, f64::max)
+        way.windows(26).map(|part| (part[25] - part[0]).norm() / 0.5).fold(0.0, f64::max)
     };
     for (robot, run) in robots.iter().zip(&runs) {
         let (top, limit) = (top_mps(run), robot.limits.max_speed_mps);

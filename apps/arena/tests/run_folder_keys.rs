@@ -36,7 +36,11 @@ const PROMISED: [&str; 21] = [
 ];
 /// ... and those we added: the name of the model, the kind of sentence, whether a person stopped it, what became of the
 /// pictures.
-const ADDED: [&str; 9] = [
+const ADDED: [&str; 13] = [
+    "first_sighting_s",
+    "turned_in_place_rad",
+    "lost_s",
+    "odometry_resets",
     "contacts_with_people",
     "keep_out_entries",
     "zones",
@@ -91,7 +95,7 @@ fn a_run_folder_is_complete_has_the_promised_keys_and_can_be_known() {
     let stages = summary["stages"].as_object().expect("stages by name");
     assert!(stages.len() >= 5);
     for (name, stage) in stages {
-        assert_eq!(keys(stage), BTreeSet::from(["calls", "cpu_ms_total", "cpu_ms_p95"]), "{name}");
+        assert_eq!(keys(stage), BTreeSet::from(["calls", "cpu_ms_total", "cpu_ms_p95", "cpu_ms_p99"]), "{name}");
     }
     let lines = std::fs::read_to_string(path.join("decisions.jsonl")).expect("decisions");
     assert_eq!(lines.lines().count() as u64, summary["decisions"].as_u64().expect("a count"));

@@ -120,7 +120,7 @@ fn bench_nav_prints_its_promised_keys_and_ask_answers_on_the_folder_it_keeps() {
         "drawn",
         "runs",
     ];
-    let added = ["wall_s"];
+    let added = ["wall_s", "by_kind"];
     assert_eq!(keys(&bench), promised.into_iter().chain(added).collect());
     assert_eq!(
         keys(&bench["drawn"]),

@@ -261,12 +261,14 @@ impl Gait {
 
     /// Whether the base moves, or a foot stands elsewhere than in its place.
     fn must_step(&self, base: &BaseMotion) -> bool {
+        // Speeds grow by equal steps and may meet the limit exactly; then rounding, which differs with the heading, must not decide.
+        const TIE: f64 = 1.0 + 1e-9;
         self.legs.iter().zip(&self.feet).filter(|(leg, _)| leg.wheel.is_none()).any(|(leg, foot)| {
             let place = below(&base.world_from_body, &leg.neutral_in_body);
             let arm = place - base.world_from_body.translation.vector.xy();
             let turned = Vector2::new(-arm.y, arm.x) * base.yaw_rate_radps;
-            (base.velocity_in_world_mps + turned).norm() > self.config.rest_mps
-                || (place - foot.in_world.xy()).norm() > self.config.astray_m
+            (base.velocity_in_world_mps + turned).norm() > TIE * self.config.rest_mps
+                || (place - foot.in_world.xy()).norm() > TIE * self.config.astray_m
         })
     }
 
