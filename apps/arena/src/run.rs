@@ -249,6 +249,8 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
     let world = SimulationConfig { is_towed, ..config.simulation.clone() };
     let mut simulation = Simulation::new(&world, robot, scene, start, &start_in_map, seed)?;
     let mind = match &config.llm {
+        // A delay in the simulated world: the world stands still while a real model thinks.
+        Some(chat) if config.mission.link.is_some() => Mind::Embedded(Box::new(LlmReasoner::new(chat.clone()))),
         Some(chat) => Mind::Remote(Box::new(LlmReasoner::new(chat.clone()))),
         None => Mind::Embedded(Box::new(SymbolicReasoner::default())),
     };
