@@ -17,11 +17,12 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use crate::cli::word;
+use crate::frame::Frame;
 use crate::map_score::room_ids::room_round;
 use crate::map_score::{MapScore, Witness, known_places, map_score};
 use crate::progress::ProgressView;
 use crate::record_truth::write_building;
-use crate::run::{Frame, RunConfig};
+use crate::run::RunConfig;
 use crate::run_folder::RunFolder;
 use crate::scenario::Scene;
 use crate::survey::{Moment, survey};

@@ -100,7 +100,8 @@ impl SceneFile {
                     cooccurrence,
                 };
                 let building = plan.building(&config).with_context(place)?;
-                let name = format!("{}#{seed}{}", self.path.display(), suffix(cooccurrence));
+                // With the number of rooms, so that the name alone makes the same building again.
+                let name = format!("{}#{seed},{}{}", self.path.display(), config.rooms, suffix(cooccurrence));
                 Scene::new(&name, building)
             }
             Content::Built(building) => Scene::new(&self.path.display().to_string(), (**building).clone()),
@@ -127,7 +128,7 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
 }
 
-/// A scene by its name on a command line: `FILE`, `FILE#SEED`, `FILE#SEED,shuffled`; `None` if the name is not that of a file.
+/// A scene by its name on a command line: `FILE`, `FILE#SEED`, `FILE#SEED,ROOMS,shuffled`; `None` if the name is not that of a file.
 ///
 /// # Errors
 /// If the file cannot be read, or the robot can use no two rooms of it.
@@ -136,23 +137,38 @@ pub fn scene_of_name(name: &str, robot: &RobotModel) -> Result<Option<Scene>> {
     if !SceneFile::is_one(Path::new(path)) {
         return Ok(None);
     }
-    let (seed, cooccurrence) = seed_of_name(choice).with_context(|| {
+    let (seed, rooms, cooccurrence) = choice_of_name(choice).with_context(|| {
         format!(
-            "\"{name}\" names no building: after {path}# comes a number, and after it may come ,shuffled or ,uniform"
+            "\"{name}\" names no building: after {path}# comes a number, and after it may come a number of rooms and ,shuffled or ,uniform, as in {path}#7,5,shuffled"
         )
     })?;
-    Ok(Some(SceneFile::read(Path::new(path))?.scene(seed, None, cooccurrence, robot)?))
+    Ok(Some(SceneFile::read(Path::new(path))?.scene(seed, rooms, cooccurrence, robot)?))
 }
 
 /// `7`, `7,shuffled` or `7,uniform`.
 pub fn seed_of_name(name: &str) -> Option<(u64, Cooccurrence)> {
-    let (seed, cooccurrence) = match name.split_once(',') {
-        None => (name, Cooccurrence::Usual),
-        Some((seed, "shuffled")) => (seed, Cooccurrence::Shuffled),
-        Some((seed, "uniform")) => (seed, Cooccurrence::Uniform),
-        Some(_) => return None,
+    match choice_of_name(name)? {
+        (seed, None, cooccurrence) => Some((seed, cooccurrence)),
+        (_, Some(_), _) => None,
+    }
+}
+
+/// The same with a number of rooms, from 2 to 30, after the seed: `7,5,shuffled`.
+fn choice_of_name(name: &str) -> Option<(u64, Option<u32>, Cooccurrence)> {
+    let mut parts = name.split(',').peekable();
+    let seed = parts.next()?.parse().ok()?;
+    let is_number = |part: &&str| part.starts_with(|c: char| c.is_ascii_digit());
+    let rooms = match parts.next_if(is_number) {
+        Some(part) => Some(part.parse().ok().filter(|rooms| (2..=30).contains(rooms))?),
+        None => None,
     };
-    Some((seed.parse().ok()?, cooccurrence))
+    let cooccurrence = match (parts.next(), parts.next()) {
+        (None, _) => Cooccurrence::Usual,
+        (Some("shuffled"), None) => Cooccurrence::Shuffled,
+        (Some("uniform"), None) => Cooccurrence::Uniform,
+        _ => return None,
+    };
+    Some((seed, rooms, cooccurrence))
 }
 
 impl Buildings {
@@ -219,4 +235,21 @@ impl Buildings {
 fn is_beside(path: &Path) -> bool {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     stem.ends_with("_gt_segmentation") || stem.ends_with("_furnitures")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_says_seed_rooms_and_furniture() {
+        assert_eq!(choice_of_name("7"), Some((7, None, Cooccurrence::Usual)));
+        assert_eq!(choice_of_name("7,5"), Some((7, Some(5), Cooccurrence::Usual)));
+        assert_eq!(choice_of_name("7,5,shuffled"), Some((7, Some(5), Cooccurrence::Shuffled)));
+        assert_eq!(seed_of_name("7,uniform"), Some((7, Cooccurrence::Uniform)));
+        for wrong in ["", "x", "7,", "7,1", "7,99", "7,5,5", "7,shuffled,5", "7,5,shuffled,x"] {
+            assert_eq!(choice_of_name(wrong), None, "{wrong}");
+        }
+        assert_eq!(seed_of_name("7,5"), None, "generated buildings have their own number of rooms");
+    }
 }

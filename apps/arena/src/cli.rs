@@ -14,8 +14,9 @@ use mission::zones::{ZoneFrame, Zones, ZonesError};
 use crate::instructions::Answers;
 use crate::options::Options;
 use crate::orders::Orders;
+use crate::progress::Progress;
 use crate::progress::ProgressView;
-use crate::run::{Progress, RunConfig, Setup, run};
+use crate::run::{RunConfig, Setup, run};
 use crate::run_folder::RunFolder;
 use crate::run_setup::{Prepared, RUN_FILE, RunFile, prepare};
 use crate::scenario::{Scene, draw_start, robot_truth};
@@ -51,7 +52,7 @@ fn command(options: &Options, kind: RobotKind, default_scene: &str) -> Result<bo
     let scene = Scene::open(&scene_name, &robot)?;
     let task = Task::read(&options.instruction, &scene.building)?;
     let start = match (&options.known, &options.start) {
-        (Some(known), Some(pose)) => crate::run::start_in_known_map(known, pose, &robot)?,
+        (Some(known), Some(pose)) => crate::frame::start_in_known_map(known, pose, &robot)?,
         _ => {
             let referee = crate::referee::Referee::new(
                 &scene.building,
@@ -222,7 +223,9 @@ pub(crate) fn read_zones(path: &std::path::Path, options: &Options, robot: &Robo
     let zones = Zones::parse(&std::fs::read_to_string(path)?)?;
     match (zones.frame, &options.known, &options.start) {
         (ZoneFrame::Map, None, _) => return Err(ZonesError::NoMap.into()),
-        (ZoneFrame::Map, Some(_), Some(pose)) => zones.check_start(&robot.footprint, &crate::run::pose_in_map(pose))?,
+        (ZoneFrame::Map, Some(_), Some(pose)) => {
+            zones.check_start(&robot.footprint, &crate::frame::pose_in_map(pose))?
+        }
         (ZoneFrame::Map, Some(_), None) => {} // nobody knows yet where it stands
         (ZoneFrame::Start, ..) => zones.check_start(&robot.footprint, &nalgebra::Isometry3::identity())?,
     }

@@ -18,6 +18,7 @@ pub mod dataset;
 pub mod drift;
 pub mod estimate_frame;
 pub mod flight_options;
+pub mod frame;
 pub mod instructions;
 pub mod intervals;
 pub mod known_building;

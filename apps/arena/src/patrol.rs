@@ -9,9 +9,10 @@ use serde::Serialize;
 
 use crate::bench_nav::Times;
 use crate::orders::Orders;
+use crate::progress::Progress;
 use crate::record_truth::draw_tasks;
 use crate::referee::Referee;
-use crate::run::{Progress, RunConfig, Setup, run};
+use crate::run::{RunConfig, Setup, run};
 use crate::scenario::{Scene, draw_start, robot_truth};
 
 /// Memory at one time.

@@ -48,8 +48,8 @@ impl PlanFile {
             );
             white_patches(labels.as_raw(), width, height)
         } else {
-            cut_rooms(picture.as_raw(), width, height)
-                .with_context(|| format!("cutting {} into rooms", path.display()))?
+            let free: Vec<bool> = picture.as_raw().iter().map(|grey| *grey >= FREE_FROM).collect();
+            cut_rooms(&free, width, height).with_context(|| format!("cutting {} into rooms", path.display()))?
         };
         Ok(PlanFile { grey: picture.into_raw(), labels, width, height })
     }
@@ -116,15 +116,16 @@ fn white_patches(grey: &[u8], width: usize, height: usize) -> Vec<u32> {
     labels
 }
 
-/// Rooms as `omnivln rooms` cuts them.
-fn cut_rooms(grey: &[u8], width: usize, height: usize) -> Result<Vec<u32>> {
+/// The rooms of a free floor as `omnivln rooms` cuts them: numbers from 1, 0 for none. Rows of [`RESOLUTION_M`] from the north-west corner.
+///
+/// # Errors
+/// A configuration of rooms that makes no sense; the default one does.
+pub fn cut_rooms(free: &[bool], width: usize, height: usize) -> Result<Vec<u32>> {
     // A frame of wall: nobody knows what lies beyond the picture.
     let mut grid = OccupancyGrid::unknown(Point2::origin(), RESOLUTION_M, width + 2, height + 2);
     grid.cells.fill(Cell::Occupied);
-    for (at, _) in grey.iter().enumerate().filter(|(_, value)| **value >= FREE_FROM) {
-        grid.cells[(at / width + 1) * (width + 2) + at % width + 1] = Cell::Free;
-    }
+    let cell = |at: usize| (at / width + 1) * (width + 2) + at % width + 1;
+    (0..free.len()).filter(|at| free[*at]).for_each(|at| grid.cells[cell(at)] = Cell::Free);
     let rooms = RoomMap::new(&grid, None, &RoomConfig::default())?;
-    let part = |at: usize| rooms.part_of_cell()[(at / width + 1) * (width + 2) + at % width + 1];
-    Ok((0..grey.len()).map(|at| part(at).map_or(0, |part| part + 1)).collect())
+    Ok((0..free.len()).map(|at| rooms.part_of_cell()[cell(at)].map_or(0, |part| part + 1)).collect())
 }

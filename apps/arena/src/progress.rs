@@ -1,7 +1,40 @@
 //! Progress on stderr: a line that moves on a terminal, a line per piece of news in a file or a pipe.
 
+use mission::mission::Mission;
 use std::io::IsTerminal;
 use std::time::Duration;
+
+/// What a person may want to see while it runs.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Progress {
+    /// Simulated time.
+    pub sim_s: f64,
+    /// What the robot is doing.
+    pub activity: String,
+    /// Rooms known.
+    pub rooms: usize,
+    /// Objects known.
+    pub objects: usize,
+    /// Decisions taken.
+    pub decisions: usize,
+    /// Way left to the present goal.
+    pub left_m: f64,
+    /// True when the activity changed since the last report.
+    pub is_news: bool,
+}
+
+impl Progress {
+    /// What is known now.
+    pub fn of(mission: &Mission) -> Progress {
+        Progress {
+            rooms: mission.world.graph.rooms().count(),
+            objects: mission.world.graph.confirmed_objects().count(),
+            decisions: mission.journal.decisions.len(),
+            left_m: mission.distance_left_m(),
+            ..Progress::default()
+        }
+    }
+}
 
 use indicatif::{ProgressBar, ProgressStyle};
 

@@ -13,7 +13,7 @@ use mission::config::MissionConfig;
 use mission::event_log::EventLogWriter;
 use mission::journal::Journal;
 use mission::llm_reasoner::LlmReasoner;
-use mission::mission::{Mission, Outcome};
+use mission::mission::{Mission, Outcome, grounding};
 use mission::octant_prompt::SymbolicReasoner;
 use mission::omni_perception::Stamp;
 use mission::openai::ChatConfig;
@@ -25,13 +25,14 @@ use mission::stage_clock::{CpuScope, StageClock};
 use mission::stream::SensorEvent;
 use mission::vision_verifier::VisionConfig;
 use mission::zones::ZoneFrame;
-use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point2, UnitQuaternion};
 use omni_sim::crowd::CrowdConfig;
 
 use crate::bench_nav::kind_word;
 use crate::cli::word;
-use crate::options::{LidarMount, Options, Pose};
+use crate::options::{LidarMount, Options};
 use crate::orders::{Orders, say_to};
+use crate::progress::Progress;
 use crate::referee::{Referee, RobotTruth};
 use crate::scenario::{Scene, robot_truth};
 use crate::simulation::{Simulation, SimulationConfig};
@@ -116,38 +117,6 @@ impl Default for RunConfig {
             keeps_postures: cfg!(feature = "viz"),
             cpu_scope: CpuScope::Process,
             truth_from_known: None,
-        }
-    }
-}
-
-/// What a person may want to see while it runs.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Progress {
-    /// Simulated time.
-    pub sim_s: f64,
-    /// What the robot is doing.
-    pub activity: String,
-    /// Rooms known.
-    pub rooms: usize,
-    /// Objects known.
-    pub objects: usize,
-    /// Decisions taken.
-    pub decisions: usize,
-    /// Way left to the present goal.
-    pub left_m: f64,
-    /// True when the activity changed since the last report.
-    pub is_news: bool,
-}
-
-impl Progress {
-    /// What is known now.
-    fn of(mission: &Mission) -> Progress {
-        Progress {
-            rooms: mission.world.graph.rooms().count(),
-            objects: mission.world.graph.confirmed_objects().count(),
-            decisions: mission.journal.decisions.len(),
-            left_m: mission.distance_left_m(),
-            ..Progress::default()
         }
     }
 }
@@ -252,7 +221,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
         // A delay in the simulated world: the world stands still while a real model thinks.
         Some(chat) if config.mission.link.is_some() => Mind::Embedded(Box::new(LlmReasoner::new(chat.clone()))),
         Some(chat) => Mind::Remote(Box::new(LlmReasoner::new(chat.clone()))),
-        None => Mind::Embedded(Box::new(SymbolicReasoner::default())),
+        None => Mind::Embedded(Box::new(SymbolicReasoner { grounding: grounding(&config.mission) })),
     };
     let mut mission = Mission::new(
         robot,
@@ -515,53 +484,4 @@ pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
     fixed.sensors.lidar.tilt_rad = 0.0;
     fixed.sensors.rotor_from_sensor.rotation = UnitQuaternion::identity();
     fixed
-}
-
-/// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.
-pub fn start_in_known_map(known: &Path, pose: &Pose, robot: &RobotModel) -> Result<Isometry3<f64>> {
-    let frame = frame_of(known)?;
-    let mut start = frame.truth_from_map() * pose_in_map(pose);
-    // The robot is put on the floor whatever height was given: feet neither float nor sink.
-    start.translation.vector.z = frame.floor_m + robot.stance_height_m;
-    Ok(start)
-}
-
-/// Where the map of a run lies in the building.
-///
-/// # Errors
-/// A map that no run made has no such file.
-pub fn frame_of(known: &Path) -> Result<Frame> {
-    let path = known.join("truth").join("frame.json");
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("reading {}, which says where the map lies in the building", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("reading {}", path.display()))
-}
-
-/// `x,y,z,yaw` as a pose.
-pub fn pose_in_map(pose: &Pose) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::from(Vector3::from(pose.position_m)),
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.yaw_rad),
-    )
-}
-
-/// `truth/frame.json`: where the map's frame was in the building when the run began.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Frame {
-    /// Origin of the map in the building.
-    pub position_m: [f64; 3],
-    /// Heading of the map's x axis.
-    pub yaw_rad: f64,
-    /// Height of the floor in the building.
-    pub floor_m: f64,
-}
-
-impl Frame {
-    /// As a transform.
-    pub fn truth_from_map(&self) -> Isometry3<f64> {
-        Isometry3::from_parts(
-            Translation3::from(Vector3::from(self.position_m)),
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw_rad),
-        )
-    }
 }

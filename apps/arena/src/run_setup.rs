@@ -13,8 +13,9 @@ use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 use crate::cli::{load_rig, load_robot, read_zones, word};
+use crate::frame::pose_in_map;
 use crate::options::Options;
-use crate::run::{RunConfig, pose_in_map};
+use crate::run::RunConfig;
 use crate::simulation::SimulationConfig;
 
 /// Its file in a run folder.
@@ -94,7 +95,7 @@ pub fn prepare(options: &Options, kind: RobotKind) -> Result<Prepared> {
         config.truth_from_known = options
             .known
             .as_deref()
-            .and_then(|known| crate::run::frame_of(known).ok())
+            .and_then(|known| crate::frame::frame_of(known).ok())
             .map(|frame| frame.truth_from_map());
     }
     Ok(Prepared { robot, config, known })

@@ -4,12 +4,10 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use mission::rooms::{RoomConfig, RoomMap};
-use mission::volumetric_map::{Cell, OccupancyGrid};
-use nalgebra::Point2;
 use omni_sim::building::Building;
 use omni_sim::imported::{NamedMesh, RESOLUTION_M, assemble};
 
+use crate::plan_file::cut_rooms;
 use crate::scene_error::{MOST_BYTES, SceneError};
 use crate::scene_gltf::read_gltf;
 use crate::scene_obj::read_obj;
@@ -41,16 +39,9 @@ pub fn read_scene(path: &Path) -> Result<Building, SceneError> {
 /// # Errors
 /// If the meshes are no building.
 pub fn building_of(meshes: &[NamedMesh]) -> Result<Building, SceneError> {
-    Ok(assemble(meshes, |free, width, height| {
-        let mut grid = OccupancyGrid::unknown(Point2::origin(), RESOLUTION_M, width + 2, height + 2);
-        grid.cells.fill(Cell::Occupied);
-        let cell = |at: usize| (at / width + 1) * (width + 2) + at % width + 1;
-        (0..free.len()).filter(|at| free[*at]).for_each(|at| grid.cells[cell(at)] = Cell::Free);
-        match RoomMap::new(&grid, None, &RoomConfig::default()) {
-            Ok(rooms) => (0..free.len()).map(|at| rooms.part_of_cell()[cell(at)].map_or(0, |part| part + 1)).collect(),
-            Err(_) => vec![0; free.len()], // the default configuration makes sense
-        }
-    })?)
+    // The cells of a scene are as large as the pixels of a plan; the cut's own configuration makes sense.
+    const { assert!(RESOLUTION_M == crate::plan_file::RESOLUTION_M) };
+    Ok(assemble(meshes, |free, width, height| cut_rooms(free, width, height).unwrap_or_else(|_| vec![0; free.len()]))?)
 }
 
 fn bytes_of(path: &Path, name: &str) -> Result<Vec<u8>, SceneError> {

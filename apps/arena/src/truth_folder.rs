@@ -27,9 +27,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::building_ply::{ply_of, read_ply};
+use crate::frame::Frame;
 use crate::record_truth::write_building;
 use crate::referee::{Referee, RobotTruth};
-use crate::run::{Frame, RunResult};
+use crate::run::RunResult;
 use crate::run_folder::RunFolder;
 use crate::simulation::Touch;
 use crate::task::Task;

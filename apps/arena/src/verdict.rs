@@ -100,7 +100,7 @@ pub struct TruthLog {
 }
 
 /// What the referee says of a step that the robot declared done.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct StepVerdict {
     /// Index of the step.
     pub step: usize,
@@ -111,7 +111,7 @@ pub struct StepVerdict {
 }
 
 /// What the referee says.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Verdict {
     /// Whether everything was done in order.
     pub success: bool,
@@ -134,25 +134,32 @@ pub struct Verdict {
     /// How often it was in a zone that it has to keep out of.
     pub keep_out_entries: usize,
     /// Each zone.
-    #[serde(skip_deserializing)]
     pub zones: Vec<ZoneFigures>,
 }
 
 impl TruthLog {
-    /// Goes on to another instruction, heard now. What came before keeps one pose in twenty.
+    /// Goes on to another instruction, heard now. Of more than half an hour before, which only a patrol has, one pose in twenty is kept.
     pub fn begin_errand(&mut self, now_ns: i64) {
         const KEEP: usize = 20;
+        const MOST: usize = 100_000;
+        if self.poses.len() > MOST {
+            self.thin(KEEP);
+        }
+        self.heard_ns = now_ns;
+        self.declared.clear();
+        self.ending = Ending::default();
+        self.first_sighting_s = None;
+    }
+
+    /// Keeps the last pose, those before the errand that ends, and of that errand's one in `keep`.
+    fn thin(&mut self, keep: usize) {
         let from = self.poses.partition_point(|(stamp_ns, _)| *stamp_ns <= self.heard_ns);
         let mut index = 0;
         let last = self.poses.len();
         self.poses.retain(|_| {
             index += 1;
-            index <= from || index % KEEP == 0 || index == last
+            index <= from || index % keep == 0 || index == last
         });
-        self.heard_ns = now_ns;
-        self.declared.clear();
-        self.ending = Ending::default();
-        self.first_sighting_s = None;
     }
 }
 

@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use arena::arms::{Arms, Setting};
 use arena::bench_nav::{Given, bench_nav};
 use arena::mission::ablation::Part;
+use arena::mission::dsg::Verdict;
 use arena::mission::event_log::EventLogReader;
 use arena::mission::mission::Mission;
 use arena::mission::octant_prompt::{Octant, SymbolicReasoner};
@@ -47,6 +48,16 @@ fn every_part_can_be_left_out_and_is_gone_then() {
     let whole = run(None);
     assert!(whole.mission.world.graph.rooms().count() > 0 && has_octants(&prompts(&whole)));
     assert!(labels(&whole) > Some(1), "some label was in doubt");
+    let blocked = |result: &RunResult| {
+        let dropped = result.mission.world.graph.dropped_relations();
+        dropped.filter(|relation| matches!(relation.evidence.verdict, Verdict::Blocked(_))).count()
+    };
+    // Who asks nobody believes everything for certain.
+    let doubted = |result: &RunResult| {
+        let graph = &result.mission.world.graph;
+        graph.relations().chain(graph.dropped_relations()).filter(|relation| relation.evidence.score < 1.0).count()
+    };
+    assert!(blocked(&whole) > 0 && doubted(&whole) > 0, "{} blocked, {} doubted", blocked(&whole), doubted(&whole));
     let tokens_of_one = |result: &RunResult| result.journal().decisions.last().map_or(0, |last| last.prompt_tokens);
     for part in Part::ALL {
         let result = run(Some(part));
@@ -57,8 +68,10 @@ fn every_part_can_be_left_out_and_is_gone_then() {
             Part::Vote => assert_eq!(labels(&result), Some(1)),
             Part::Octants => assert!(!has_octants(&text) && text.contains(" at ("), "{text}"),
             Part::Tiers => assert!(has_octants(&text) && tokens_of_one(&result) > tokens_of_one(&whole)),
-            // What they change shows in the search, the relations, or only where somebody proposes nonsense: laws of their crates.
-            Part::Pruning | Part::Verify | Part::Steps | Part::Critic => {}
+            Part::Pruning => assert_eq!(blocked(&result), 0),
+            Part::Verify => assert_eq!(doubted(&result), 0),
+            // A law of the prompt crate (tests/search.rs); that they reach it is `Mission`'s own test.
+            Part::Steps | Part::Critic => {}
         }
     }
     let flat_text =

@@ -59,3 +59,33 @@ impl Ablation {
         !self.0.contains(&part)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+    use octant_prompt::SymbolicReasoner;
+    use omni_perception::{Equirectangular, Stamp};
+    use robot_model::RobotModel;
+
+    use super::*;
+    use crate::config::MissionConfig;
+    use crate::mission::{Mission, grounding};
+    use crate::reasoning::Mind;
+
+    #[test]
+    fn what_is_left_out_reaches_critic_and_reasoner() {
+        let robot = RobotModel::builtin_quadruped();
+        let mission = |without: Ablation| {
+            let mut config = MissionConfig::default();
+            config.leave_out(without);
+            let mind = Mind::Embedded(Box::new(SymbolicReasoner { grounding: grounding(&config) }));
+            let begin = Isometry3::translation(0.0, 0.0, robot.stance_height_m);
+            Mission::new(&robot, "find the mug", config, Equirectangular::default(), mind, Stamp(0), &begin)
+                .expect("a mission")
+        };
+        let whole = mission(Ablation::default());
+        assert!(!whole.critic.is_blind && whole.critic.grounding.searches_by_steps);
+        assert!(mission(Ablation::of(Part::Critic)).critic.is_blind);
+        assert!(!mission(Ablation::of(Part::Steps)).critic.grounding.searches_by_steps);
+    }
+}

@@ -1,7 +1,7 @@
 //! Both robots' missions, with the same graph, pose, limits, memory and instruction: byte-equal decisions, from prompt to verdict.
 //!
 //! *Limits* are what the body can do: the room it needs round itself, and the height of its eye. Everything else that goes into a decision
-//! must not know whose it is. `tests/one_mind.rs` holds the same for the prompt crate alone.
+//! must not know whose it is.
 
 use dsg::{Aabb, Object, ObjectId, Op, Place, PlaceId, Room, RoomId, SceneGraph};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
@@ -201,6 +201,23 @@ proptest! {
     #[test]
     fn both_robots_missions_think_the_same_byte_for_byte(given in given()) {
         let [ground, air] = [RobotModel::builtin_quadruped(), RobotModel::builtin_quadrotor()].map(|robot| decided(&robot, &given));
+        prop_assert_eq!(ground, air);
+    }
+
+    /// Two robots whose cameras look from the same point in the world: their body origins lie at different heights below it.
+    #[test]
+    fn robots_that_look_from_the_same_point_sort_things_into_the_same_octants(
+        x in 0.5..9.5_f64, y in 0.5..4.5_f64, z in 0.0..2.0_f64, yaw_rad in -3.2..3.2_f64,
+    ) {
+        const EYE_M: f64 = 1.3;
+        let thing = Point3::new(x, y, z);
+        // At the split itself the two differences may round to either side.
+        prop_assume!((z - EYE_M).abs() > 1e-9);
+        let [ground, air] = [RobotModel::builtin_quadruped(), RobotModel::builtin_quadrotor()].map(|robot| {
+            let camera_m = robot.sensors.body_from_camera.translation.vector.z;
+            let pose = Isometry3::new(Vector3::new(5.0, 2.5, EYE_M - camera_m), Vector3::z() * yaw_rad);
+            octant_prompt::octant_of(&octant_prompt::point_in_body(&pose, &thing), camera_m)
+        });
         prop_assert_eq!(ground, air);
     }
 }

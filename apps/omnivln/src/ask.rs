@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
+use arena::frame::pose_in_map;
 use arena::mission::dsg::{SceneGraph, folder, graph_from_json, read_spark_dsg};
 use arena::mission::octant_prompt::{
     Critic, Estimate, PromptConfig, Situation, SymbolicReasoner, build_prompt_for, candidates, decide_with_critic,
     parse_instruction,
 };
 use arena::options::{Pose, parse_pose};
-use arena::run::pose_in_map;
 use clap::Args;
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
 use arena::cli::{load_robot, word};
+use arena::frame::pose_in_map;
 use arena::map_picture::{MapDrawing, escape, map_svg, navigation_img};
 use arena::mission::archive;
 use arena::mission::config::MissionConfig;
@@ -13,7 +14,6 @@ use arena::mission::navigation::Room;
 use arena::mission::octant_prompt::Target;
 use arena::mission::robot_model::{RobotKind, RobotModel};
 use arena::mission::route_plan::{PlannedLeg, RoutePlan, plan_routes};
-use arena::run::pose_in_map;
 use nalgebra::Point2;
 use serde_json::{Value, json};
 

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
+use arena::frame::pose_in_map;
 use arena::mission::omni_perception::registration::fit;
 use arena::mission::omni_perception::{RegistrationConfig, register};
 use arena::mission::stage_clock::CpuScope;
 use arena::mission::volumetric_map::read_ply_points;
 use arena::options::{Pose, parse_pose};
-use arena::run::pose_in_map;
 use clap::Args;
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use serde_json::json;

@@ -10,15 +10,18 @@
 //! A modifier belongs to the nearest noun ("the mug on the table near the window": the table is near the window) except after a comma
 //! or "and", where it belongs to the head. Any text is accepted: what no rule knows is skipped, unknown words are nouns ("unicorn").
 
+use crate::fronted_group::fronted_group;
 use crate::home_phrase::is_way_home;
 use crate::instruction::{
-    Among, Floor, Instruction, Reading, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind,
-    Superlative, View, ViewKind,
+    Among, Floor, Instruction, Referring, RelationClause, RoomReference, SpatialRelation, Step, StepKind, Superlative,
+    View, ViewKind,
 };
 use crate::lexicon::{MAX_TEXT_BYTES, Mark, Token, tokens, tokens_of, words};
-use crate::purpose::{Also, named, said_anywhere};
+use crate::plain_speech::{keep_what_was_said, leave_out_talk, plain, visit_mut};
+use crate::purpose::{named, said_anywhere};
 use crate::spelling::respelled;
-use crate::vocabulary::{Class, canonical, is_known, singular_phrase};
+use crate::steps::{resolve_pronouns, split_steps};
+use crate::vocabulary::{Class, canonical, is_known};
 
 /// Deepest nesting of noun phrases that is followed.
 pub(crate) const MAX_DEPTH: usize = 6;
@@ -73,65 +76,6 @@ pub fn parse_instruction(text: &str) -> Instruction {
     Instruction { text: bounded(text), steps, readings }
 }
 
-/// "bedroom number 2" is bedroom 2, and "a mug or a cup" is a mug first of all.
-fn plain(words: Vec<String>) -> Vec<String> {
-    let is_number = |word: Option<&String>| word.is_some_and(|word| word.bytes().all(|byte| byte.is_ascii_digit()));
-    let is_kept = |at: &usize| !(matches!(words[*at].as_str(), "number" | "nr" | "no") && is_number(words.get(at + 1)));
-    let word = |at: usize| match words[at].as_str() {
-        "or" => ",".to_owned(),
-        // "take me 2 the kitchen"
-        "2" if matches!(words.get(at + 1).map(String::as_str), Some("the" | "my" | "a")) && at > 0 => "to".to_owned(),
-        word => word.to_owned(),
-    };
-    (0..words.len()).filter(is_kept).map(word).collect()
-}
-
-/// "I am tired, find the bed": a clause without a verb of going or finding, about what nobody has a word for, is no step beside one that
-/// is. So is one about nothing but "a place".
-fn leave_out_talk(steps: &mut Vec<Step>, are_said: &[bool]) {
-    let is_vague = |goal: &Referring| {
-        goal.relations.is_empty()
-            && goal.room.is_none()
-            && matches!(goal.class.text.as_str(), "place" | "somewhere" | "spot" | "thing")
-    };
-    let names = |step: &Step| step.kind != StepKind::FindObject || is_known(&step.goal.class);
-    let is_talk = |step: &Step, is_said: bool| !names(step) && (is_said || is_vague(&step.goal));
-    if steps.iter().zip(are_said).all(|(step, is_said)| is_talk(step, *is_said)) {
-        return;
-    }
-    let mut index = 0;
-    steps.retain(|step| {
-        index += 1;
-        !is_talk(step, are_said[index - 1])
-    });
-}
-
-/// What was written for the words of a class, and the classes that are meant as much.
-fn keep_what_was_said(class: &mut Class, readings: &[Reading], also: &Also) {
-    for reading in readings {
-        let (said, meant) = (singular_phrase(&reading.said), singular_phrase(&reading.meant));
-        let is_in_it = format!(" {} ", class.text).contains(&format!(" {meant} "));
-        if is_in_it {
-            let text = class.said.take().unwrap_or_else(|| class.text.clone());
-            class.said = Some(text.replace(&meant, &said));
-        }
-    }
-    if let Some((_, others)) = also.iter().find(|(first, _)| *first == class.canonical) {
-        class.also.clone_from(others);
-    }
-}
-
-/// Calls `visit` for the expression and every nested one.
-fn visit_mut(goal: &mut Referring, visit: &mut dyn FnMut(&mut Referring)) {
-    visit(goal);
-    for anchor in goal.relations.iter_mut().flat_map(|clause| &mut clause.anchors) {
-        visit_mut(anchor, visit);
-    }
-    for room in goal.room.iter_mut().chain(&mut goal.excluded_rooms) {
-        room.contains.iter_mut().for_each(|content| visit_mut(content, visit));
-    }
-}
-
 /// Parses one referring expression ("the chair left of the desk, facing the window"), never splitting it into steps. `known_classes` are
 /// further class names (the labels of a scene) that count as known phrases.
 pub fn parse_referring(text: &str, known_classes: &[&str]) -> Option<Referring> {
@@ -151,70 +95,12 @@ pub fn parse_referring(text: &str, known_classes: &[&str]) -> Option<Referring> 
     Some(goal)
 }
 
-struct FrontedGroup<'a> {
-    count: u32,
-    group: &'a str,
-    /// The text without it.
-    rest: String,
-}
-
-/// "in the hall, of the 5 chairs closest to the door, the leftmost": 5, "chairs closest to the door", "in the hall, the leftmost". None for any
-/// text that sets nothing apart in this form.
-fn fronted_group(text: &str) -> Option<FrontedGroup<'_>> {
-    let parts: Vec<&str> = text.split(", ").collect();
-    let at = parts.iter().position(|part| part.starts_with("of the "))?;
-    let (count, group) = parts[at].strip_prefix("of the ")?.split_once(' ')?;
-    let count = count.parse().ok().filter(|count| (2..=1000).contains(count))?;
-    let rest: Vec<&str> =
-        parts.iter().enumerate().filter(|(position, _)| *position != at).map(|(_, part)| *part).collect();
-    (at + 1 < parts.len()).then(|| FrontedGroup { count, group, rest: rest.join(", ") })
-}
-
 fn bounded(text: &str) -> String {
     let mut end = text.len().min(MAX_TEXT_BYTES);
     while !text.is_char_boundary(end) {
         end -= 1;
     }
     text[..end].to_string()
-}
-
-/// Cuts at "then", at sentence ends, and at "and" or a comma before a verb.
-fn split_steps(all: &[Token]) -> Vec<&[Token]> {
-    let starts_step = |at: usize| {
-        let rest = &all[at..];
-        let verb = rest.iter().position(|token| !matches!(token.mark, Mark::And | Mark::Comma | Mark::Then));
-        verb.is_some_and(|index| matches!(rest[index].mark, Mark::Verb | Mark::Enter))
-    };
-    let mut clauses = Vec::new();
-    let mut start = 0;
-    for at in 0..all.len() {
-        let cuts = match all[at].mark {
-            // "next" and "finally" open a step only where a sentence could begin.
-            Mark::Then => true,
-            Mark::Stop => true,
-            Mark::And | Mark::Comma => starts_step(at + 1),
-            _ => false,
-        };
-        if cuts {
-            clauses.push(&all[start..at]);
-            start = at + 1;
-        }
-    }
-    clauses.push(&all[start..]);
-    clauses.retain(|clause| clause.iter().any(|token| !matches!(token.mark, Mark::And | Mark::Comma)));
-    clauses
-}
-
-/// "go to the table and find the one near it": a wildcard target takes the class of the step before.
-fn resolve_pronouns(steps: &mut [Step]) {
-    for index in 1..steps.len() {
-        if steps[index].goal.class.text == "one" {
-            let class = steps[index - 1].goal.class.clone();
-            if !class.text.is_empty() {
-                steps[index].goal.class = class;
-            }
-        }
-    }
 }
 
 /// The state of one clause. Its methods for nouns and for what follows them stand in [`crate::noun_phrase`] and [`crate::modifiers`].

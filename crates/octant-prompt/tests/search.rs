@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 use dsg::{Aabb, Object, ObjectId, Op, Place, PlaceId, Room, RoomId, SceneGraph};
 use nalgebra::{Point3, Vector3};
 use octant_prompt::{
-    Action, Critic, Estimate, PromptConfig, Situation, SymbolicReasoner, Target, build_prompt_for, decide_with_critic,
-    parse_instruction,
+    Action, Critic, Estimate, GroundingConfig, PromptConfig, Situation, SymbolicReasoner, Target, build_prompt_for,
+    decide_with_critic, parse_instruction,
 };
 use support::{corner, put, room_index_at};
 
@@ -305,4 +305,41 @@ fn a_room_named_before_the_choice_is_kept() {
     // Found by proptest: the choice lost what was said before it.
     let step = &octant_prompt::parse_instruction("kitchen find one").steps[0];
     assert!(step.goal.room.is_some());
+}
+
+/// Two frontiers: a near one that shows little, a far one that shows much.
+#[test]
+fn without_the_steps_of_reasoning_the_nearest_place_is_next() {
+    let mut graph = SceneGraph::new();
+    for (id, x) in [(0, 1.0), (1, 6.0)] {
+        graph
+            .apply(Op::PutPlace(Place {
+                id: PlaceId(id),
+                position: Point3::new(x, 0.0, 0.3),
+                clearance_m: 0.5,
+                basis_points: 2,
+                frontier_cells: 40,
+                room: None,
+            }))
+            .expect("a place");
+    }
+    let instruction = parse_instruction("find the mug");
+    let path = |point: &Point3<f64>| Some(point.x);
+    let never = |_: ObjectId| false;
+    let gain = |id: PlaceId| Some(if id == PlaceId(0) { 0.5 } else { 30.0 });
+    let frontiers = [PlaceId(0), PlaceId(1)];
+    let situation = Situation {
+        frontiers: &frontiers,
+        gain_m2: Some(&gain),
+        ..Situation::new(&graph, nalgebra::Isometry3::identity(), &instruction, &path, &never)
+    };
+    let next = |searches_by_steps| {
+        let grounding = GroundingConfig { searches_by_steps, ..GroundingConfig::default() };
+        SymbolicReasoner { grounding }.reply(&situation).expect("a reply").action
+    };
+    assert_eq!((next(true), next(false)), (Action::Explore(PlaceId(1)), Action::Explore(PlaceId(0))));
+
+    let nonsense = Action::Stop(Target::Object(ObjectId(99)));
+    assert!(Critic::default().check(&nonsense, &situation, 0).is_err());
+    assert!(Critic { is_blind: true, ..Critic::default() }.check(&nonsense, &situation, 0).is_ok());
 }

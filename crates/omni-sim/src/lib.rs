@@ -94,6 +94,7 @@ pub mod imu;
 pub mod item;
 pub mod lidar;
 pub mod mesh;
+pub mod mesh_name;
 pub mod models;
 pub mod motion;
 pub mod movers;
