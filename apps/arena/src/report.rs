@@ -225,7 +225,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;color:#222;max-wid
 h1{font-size:1.5rem;margin:.4rem 0}h2{font-size:1.1rem;margin:1.4rem 0 .5rem}h4{margin:.6rem 0 .2rem}\
 .badge{color:#fff;border-radius:4px;padding:.15rem .6rem;font-weight:600}.dim{color:#777;font-size:.85em}\
 .figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(230px,1fr));gap:.5rem}\
-.figures div{background:#f4f4f2;border-radius:6px;padding:.45rem .7rem}.figures span{display:block;color:#666;font-size:.8rem}\
+.figures div{overflow-wrap:anywhere;background:#f4f4f2;border-radius:6px;padding:.45rem .7rem}.figures span{display:block;color:#666;font-size:.8rem}\
 .charts svg{max-width:100%;margin-right:.6rem}.legend{color:#555;font-size:.88rem}\
 details{border:1px solid #ddd;border-radius:6px;padding:.35rem .7rem;margin:.3rem 0}summary{cursor:pointer}\
 pre{background:#f7f7f5;padding:.6rem;white-space:pre-wrap;overflow-wrap:anywhere;font-size:.82rem}\
