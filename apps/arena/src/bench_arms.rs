@@ -126,7 +126,8 @@ impl BenchArms {
     }
 }
 
-fn paired(name: &str, first: &[Summary], other: &[Summary]) -> Paired {
+/// Differences of the runs of an arm to those of the first, which were of the same scenes in the same order.
+pub fn paired(name: &str, first: &[Summary], other: &[Summary]) -> Paired {
     let difference = |of: &dyn Fn(&Summary) -> f64| {
         paired_mean_95(&first.iter().zip(other).map(|(a, b)| of(b) - of(a)).collect::<Vec<_>>())
     };

@@ -229,6 +229,11 @@ impl Answers {
     }
 }
 
+/// Seventy-three sentences with slips, other words, false premises, things that need to be asked about, and steps; the format by example.
+pub const SAMPLE_INSTRUCTIONS: &str = include_str!("../tests/data/instructions.jsonl");
+/// What somebody answers to the questions that they raise.
+pub const SAMPLE_ANSWERS: &str = include_str!("../tests/data/answers.jsonl");
+
 /// The figures of one kind of sentence.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct KindFigures {

@@ -2,13 +2,13 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The normal distribution's 97.5 % point.
 const Z: f64 = 1.959_963_984_540_054;
 
 /// A figure and the interval that holds the true one in 95 of 100 such experiments.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The figure.
     pub value: f64,
@@ -65,6 +65,15 @@ pub fn paired_shares_95(pairs: &[(bool, bool)]) -> Estimate {
     Estimate { value, interval_95: [low.max(-1.0), high.min(1.0)] }
 }
 
+/// Share of the second minus share of the first, each (right, of) and over cases of its own: Newcombe, Stat. Med. 17 (1998) 873, method 10.
+pub fn shares_95((right_1, n_1): (usize, usize), (right_2, n_2): (usize, usize)) -> Estimate {
+    let share = |right: usize, n: usize| right as f64 / n.max(1) as f64;
+    let ([l1, u1], [l2, u2]) = (wilson_95(right_1, n_1), wilson_95(right_2, n_2));
+    let (p1, p2) = (share(right_1, n_1), share(right_2, n_2));
+    let value = p2 - p1;
+    Estimate { value, interval_95: [value - (p2 - l2).hypot(u1 - p1), value + (u2 - p2).hypot(p1 - l1)] }
+}
+
 /// The mean of differences, with the interval between the percentiles of 4000 seeded bootstrap samples.
 pub fn paired_mean_95(differences: &[f64]) -> Estimate {
     const SAMPLES: usize = 4000;
@@ -91,6 +100,14 @@ mod tests {
         assert!(near(wilson_95(81, 263), [0.2553, 0.3662]));
         assert!(near(wilson_95(0, 20), [0.0, 0.1611]));
         assert_eq!(wilson_95(0, 0), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn the_interval_of_two_shares() {
+        // The first example of Newcombe, Stat. Med. 17 (1998) 873, table II: 56 of 70 and 48 of 80.
+        let found = shares_95((48, 80), (56, 70));
+        let near = |a: f64, b: f64| (a - b).abs() < 5e-5;
+        assert!(near(found.interval_95[0], 0.0524) && near(found.interval_95[1], 0.3339), "{found:?}");
     }
 
     #[test]

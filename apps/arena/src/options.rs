@@ -30,7 +30,7 @@ pub struct Options {
     pub instruction: String,
 
     /// The building: a name (flat, office, corridor, narrow-door, spin), a number, the seed of a generated building, or a file: a floor
-    /// plan (FILE.png, 5 cm a pixel, white is free; FILE.png#7 for other rooms of it, #7,shuffled or #7,uniform for other furniture), or a
+    /// plan (FILE.png, 5 cm a pixel, white is free; FILE.png#7 for other rooms of it, #7,5 for five of them, #7,shuffled or #7,uniform for other furniture), or a
     /// scene with named objects (.obj, .gltf, .glb)
     #[arg(long, value_name = "NAME|SEED|FILE")]
     pub scene: Option<String>,

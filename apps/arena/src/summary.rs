@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use mission::stage_clock::StageFigures;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::zone_watch::ZoneFigures;
 
 /// One run in figures. Everything except `wall_s`, `cpu_s` and the times in `stages` is the same for the same seeds.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The referee's verdict.
     pub success: bool,
@@ -56,7 +56,8 @@ pub struct Summary {
     pub contacts_with_people: usize,
     /// How often any part of the robot was in a zone that it has to keep out of, in truth.
     pub keep_out_entries: usize,
-    /// Each zone of `--zones`, in truth; empty without.
+    /// Each zone of `--zones`, in truth; empty without. They are written and not read.
+    #[serde(skip_deserializing)]
     pub zones: Vec<ZoneFigures>,
     /// Least distance between the robot's outline and an obstacle, as its local policy saw it; `null` before it moved.
     pub min_clearance_m: Option<f64>,

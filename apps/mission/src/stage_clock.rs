@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use cpu_time::{ProcessTime, ThreadTime};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::time_histogram::TimeHistogram;
 
@@ -17,7 +17,7 @@ struct Stage {
 }
 
 /// Figures of one stage, as they appear in `summary.json`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageFigures {
     /// How often it ran.
     pub calls: u64,

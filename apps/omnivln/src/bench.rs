@@ -14,6 +14,7 @@ use arena::instructions::{Answers, open_instructions};
 use arena::known_building::KnownFrom;
 use arena::map_score::MapScore;
 use arena::map_score::ratio::{Ratio, Spread};
+use arena::mission::openai::ChatConfig;
 use arena::mission::robot_model::RobotKind;
 use arena::run::RunConfig;
 use clap::{Args, ValueEnum};
@@ -109,6 +110,12 @@ pub struct NavOptions {
     /// Somebody answers when the robot asks which one is meant: lines {"scene": 17, "text": "...", "answer": "the one near the sink"}
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
+    /// Base URL of an OpenAI-compatible server that reasons in place of the embedded rules, e.g. http://127.0.0.1:8091/v1
+    #[arg(long, value_name = "URL")]
+    llm: Option<String>,
+    /// Name of the model on that server
+    #[arg(long, value_name = "NAME", default_value = "default", requires = "llm")]
+    model: String,
     #[command(flatten)]
     arms: ArmOptions,
     #[command(flatten)]
@@ -129,7 +136,8 @@ pub fn nav(options: &NavOptions) -> Result<ExitCode> {
         max_time_s.is_finite() && max_time_s > 0.0,
         "--max-time must be a positive number of seconds, not {max_time_s}"
     );
-    let mut config = RunConfig { max_time_s, ..RunConfig::default() };
+    let llm = options.llm.as_deref().map(|url| ChatConfig::new(url, &options.model));
+    let mut config = RunConfig { max_time_s, llm, ..RunConfig::default() };
     config.simulation.crowd.people = options.people;
     config.simulation.crowd.heeds_robot = !options.heedless;
     let stop = stop_at_ctrl_c()?;

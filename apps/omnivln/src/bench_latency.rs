@@ -22,7 +22,7 @@ use crate::nine_scenes::{agent, classes_of, in_situation, nine_scene};
 use arena::quantile::quantile;
 
 /// The paper's time of a decision with the flat list and with its hierarchical prompt, seconds.
-const PAPER_S: [f64; 2] = [12.4, 3.8];
+pub const PAPER_S: [f64; 2] = [12.4, 3.8];
 /// Times that an answer may be objected to before the decision is given up.
 const MAX_RETRIES: usize = 2;
 
@@ -55,6 +55,8 @@ enum Format {
 /// The stages of one decision, milliseconds, and how it ended.
 #[derive(Debug, Clone, Default)]
 struct Decision {
+    /// 1 to 9.
+    scene: usize,
     build_us: f64,
     tokens: usize,
     /// These three of the first answer, if it came in time.
@@ -81,8 +83,9 @@ pub fn run(options: &LatencyOptions) -> Result<ExitCode> {
         let classes = classes_of(&graph);
         let class = &classes[seed as usize % classes.len()];
         for (at, format) in [Format::Flat, Format::Ours].into_iter().enumerate() {
-            let decision = decide(&graph, class, format, &chat_config)
+            let mut decision = decide(&graph, class, format, &chat_config)
                 .with_context(|| format!("asking about scene D{number} of seed {seed}"))?;
+            decision.scene = number;
             all[at].push(decision);
         }
     }
@@ -230,6 +233,11 @@ fn report(decisions: &[Decision]) -> Value {
         "right": share(|decision| decision.is_right),
         "prompt_tokens_mean": decisions.iter().map(|decision| decision.tokens as f64).sum::<f64>() / count,
     });
+    for number in 1..=9 {
+        let of_scene = || decisions.iter().filter(|decision| decision.scene == number);
+        out["by_scene"][format!("D{number}")] =
+            json!({"n": of_scene().count(), "right": of_scene().filter(|decision| decision.is_right).count()});
+    }
     for (stage, unit, values) in stages(decisions) {
         let key = if unit.is_empty() { stage.to_string() } else { format!("{stage}_{unit}") };
         out[key] = json!({"p50": quantile(&values, 0.5), "p95": quantile(&values, 0.95)});

@@ -21,6 +21,7 @@ mod map;
 mod memory;
 mod nine_scenes;
 mod odometry;
+mod paper;
 mod plan_air;
 mod plan_ground;
 mod problem_file;
@@ -78,6 +79,8 @@ enum Command {
     Replay(replay::ReplayOptions),
     /// Judges a run again, from its truth/ alone
     Judge(judge::JudgeOptions),
+    /// The experiments of the OmniVLN paper on this system, on one page beside the paper's figures
+    Paper(paper::PaperOptions),
     /// Measures the whole system and its parts
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -117,6 +120,7 @@ fn main() -> ExitCode {
         Command::Odometry(options) => odometry::run(&options),
         Command::PlanAir(options) => plan_air::run(&options),
         Command::PlanGround(options) => plan_ground::run(&options),
+        Command::Paper(options) => paper::run(&options),
         Command::Bench(BenchCommand::Nav(options)) => bench::nav(&options),
         Command::Replay(options) => replay::run(&options),
         Command::Judge(options) => judge::run(&options),

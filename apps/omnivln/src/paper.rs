@@ -1,0 +1,204 @@
+//! `omnivln paper`: the experiments of the paper on our own system, on one page, each table and figure beside the paper's.
+//!
+//! An experiment is a command of this program, run as printed under its figures ([`experiment`]); a section of the page reads what it prints. What is
+//! done is kept in `DIR/data`, and taken from there by the same build.
+
+mod experiment;
+mod layout;
+mod mapping;
+mod navigation;
+mod tables;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, ensure};
+use arena::map_picture::escape;
+use arena::whole_file::write_whole;
+use clap::Args;
+
+use experiment::{Experiments, command_line};
+use layout::{Section, page};
+
+/// Options of `paper`.
+#[derive(Debug, Args)]
+pub struct PaperOptions {
+    /// Folder of the page (index.html) and of what the experiments said (data/); work that was cut off goes on there
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Base URL of an OpenAI-compatible server: what concerns a language model is measured with it, too
+    #[arg(long, value_name = "URL")]
+    llm: Option<String>,
+    /// Name of the model on that server
+    #[arg(long, value_name = "NAME", default_value = "default", requires = "llm")]
+    model: String,
+    /// So few cases that all is done in a quarter of an hour on two cores; without, it takes hours
+    #[arg(long)]
+    quick: bool,
+    /// Floor plans and scenes of others for every second building: files or folders, as of bench nav
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    plans: Vec<PathBuf>,
+    /// Only these sections
+    #[arg(long, value_name = "SECTION", value_delimiter = ',')]
+    only: Vec<String>,
+}
+
+/// What sections are made from.
+pub struct Paper {
+    /// Folder of the page.
+    pub out: PathBuf,
+    /// How many cases.
+    pub sizes: Sizes,
+    /// Runs commands.
+    experiments: Experiments,
+    model: Vec<String>,
+    plans: Vec<PathBuf>,
+}
+
+/// How many cases of everything.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sizes {
+    /// Buildings of seeds 1, 2, 3 for either robot.
+    pub nav: Vec<usize>,
+    /// The same, of buildings that were surveyed before.
+    pub known: Vec<usize>,
+    /// Buildings of every arm.
+    pub arm: usize,
+    /// Draws of each of D1 to D9.
+    pub seeds: usize,
+    /// Laboratories.
+    pub labs: usize,
+    /// Buildings surveyed with both mounts.
+    pub coverage: usize,
+    /// Decisions on the clock.
+    pub decisions: usize,
+    /// Every so many of the instructions.
+    pub every_instruction: usize,
+    /// Simulated hours.
+    pub patrol_hours: f64,
+}
+
+impl Sizes {
+    /// What the bars ask for.
+    fn full() -> Sizes {
+        Sizes {
+            nav: vec![34, 33, 33],
+            known: vec![34, 33, 33],
+            arm: 30,
+            seeds: 10,
+            labs: 4,
+            coverage: 10,
+            decisions: 90,
+            every_instruction: 1,
+            patrol_hours: 2.0,
+        }
+    }
+
+    /// What a quarter of an hour is enough for.
+    fn quick() -> Sizes {
+        Sizes {
+            nav: vec![4],
+            known: vec![1],
+            arm: 2,
+            seeds: 3,
+            labs: 1,
+            coverage: 2,
+            decisions: 27,
+            every_instruction: 9,
+            patrol_hours: 0.05,
+        }
+    }
+}
+
+impl Paper {
+    /// The command as it is printed.
+    fn line(&self, args: &[String]) -> String {
+        command_line(args)
+    }
+
+    /// `--llm URL --model NAME`, if there is a model.
+    fn model_words(&self) -> Vec<String> {
+        self.model.clone()
+    }
+
+    fn has_model(&self) -> bool {
+        !self.model.is_empty()
+    }
+
+    fn has_plans(&self) -> bool {
+        !self.plans.is_empty()
+    }
+
+    /// Which buildings seed `at + 1` takes: with plans every second from them, else with furniture that differs from seed to seed.
+    fn buildings(&self, at: usize) -> Vec<String> {
+        const OURS: [&str; 3] = ["generated", "shuffled", "uniform"];
+        if self.plans.is_empty() {
+            return words(&format!("--buildings {}", OURS[at % OURS.len()]));
+        }
+        let mut args = words("--buildings mixed --plans");
+        args.extend(self.plans.iter().map(|path| path.display().to_string()));
+        args
+    }
+}
+
+/// A text cut at its spaces.
+fn words(text: &str) -> Vec<String> {
+    text.split_whitespace().map(str::to_owned).collect()
+}
+
+/// A text cut at its bars.
+fn cells(text: &str) -> Vec<String> {
+    text.split('|').map(str::to_owned).collect()
+}
+
+type Chapter = (&'static str, fn(&Paper) -> Result<Section>);
+
+const CHAPTERS: [Chapter; 12] = [
+    ("descriptions", tables::descriptions),
+    ("tokens", tables::tokens),
+    ("datasets", tables::by_dataset),
+    ("latency", tables::latency),
+    ("mounts", mapping::mounts),
+    ("system", navigation::whole_system),
+    ("sensing", navigation::sensing),
+    ("prompts", navigation::prompts),
+    ("parts", navigation::ablations),
+    ("far", navigation::far_away),
+    ("instructions", navigation::instructions),
+    ("patrol", mapping::patrol),
+];
+
+/// Runs what is not done yet and writes the page; it grows section by section.
+pub fn run(options: &PaperOptions) -> Result<ExitCode> {
+    for name in &options.only {
+        let names: Vec<&str> = CHAPTERS.iter().map(|(id, _)| *id).collect();
+        ensure!(names.contains(&name.as_str()), "--only {name}: there are {}", names.join(", "));
+    }
+    let mut model = Vec::new();
+    if let Some(url) = &options.llm {
+        model.extend(["--llm".to_owned(), url.clone(), "--model".to_owned(), options.model.clone()]);
+    }
+    let paper = Paper {
+        experiments: Experiments::new(&options.out.join("data"))?,
+        out: options.out.clone(),
+        sizes: if options.quick { Sizes::quick() } else { Sizes::full() },
+        model,
+        plans: options.plans.clone(),
+    };
+    let file = options.out.join("index.html");
+    let (mut sections, mut missing) = (Vec::new(), 0);
+    let chapters = CHAPTERS.iter().filter(|(id, _)| options.only.is_empty() || options.only.iter().any(|name| name == id));
+    for (id, chapter) in chapters {
+        eprintln!("-- {id}");
+        sections.push(chapter(&paper).unwrap_or_else(|error| {
+            eprintln!("   {error:#}");
+            missing += 1;
+            let body = format!("<p class=\"missing\">This is missing: {}</p>", escape(&format!("{error:#}")));
+            Section { id, title: "Missing", body, claims: Vec::new() }
+        }));
+        write_whole(&file, |out| out.write_all(page(options.quick, &sections).as_bytes()))?;
+    }
+    arena::say!("{}", file.display());
+    ensure!(missing == 0, "{missing} of the sections could not be made; the page says why");
+    Ok(ExitCode::SUCCESS)
+}
