@@ -244,14 +244,17 @@ pub fn navigation_img(navigation: &NavigationMap, here: &Point2<f64>) -> String 
             image.put_pixel(ix as u32, (grid.height - 1 - iy) as u32, image::Rgb(color));
         }
     }
+    png_img(&image, "width:60%;image-rendering:pixelated")
+}
+
+/// A picture as an HTML element that holds it, drawn in this style; a sentence if it is empty.
+pub fn png_img(image: &image::RgbImage, style: &str) -> String {
     let mut bytes = std::io::Cursor::new(Vec::new());
     if image.write_to(&mut bytes, image::ImageFormat::Png).is_err() {
-        return "<p>Nothing was mapped.</p>".into();
+        return "<p>There is nothing to see.</p>".into();
     }
-    format!(
-        "<img alt=\"where the robot can go\" style=\"width:60%;image-rendering:pixelated\" src=\"data:image/png;base64,{}\">",
-        base64::engine::general_purpose::STANDARD.encode(bytes.into_inner())
-    )
+    let text = base64::engine::general_purpose::STANDARD.encode(bytes.into_inner());
+    format!("<img alt=\"\" style=\"{style}\" src=\"data:image/png;base64,{text}\">")
 }
 
 /// One pixel per cell: walls dark, rooms in the colour of their id, the unknown transparent.

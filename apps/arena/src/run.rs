@@ -191,6 +191,27 @@ pub struct Setup<'a> {
 /// # Errors
 /// What cannot be set up, and a simulation that breaks. A flight that ends early is a result.
 pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Progress)) -> Result<RunResult> {
+    run_watched(setup, stop, report, &mut |_| {})
+}
+
+/// What somebody who looks over the robot's shoulder sees.
+pub enum Watched<'a> {
+    /// What a sensor says, before the robot hears it.
+    Event(&'a SensorEvent),
+    /// The robot's side after a cycle, and the seconds of the run.
+    Cycle(f64, &'a Mission),
+}
+
+/// The same, with somebody who looks on and has no say.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_watched(
+    setup: Setup<'_>,
+    stop: &Arc<AtomicBool>,
+    report: &mut dyn FnMut(&Progress),
+    watch: &mut dyn FnMut(Watched),
+) -> Result<RunResult> {
     let Setup { config, robot, scene, task, start, known, seed, mut vehicle, mut orders } = setup;
     let mut task = task.clone();
     let (wall, cpu) = (Instant::now(), config.cpu_scope.now());
@@ -266,6 +287,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             log_cycle(log, &events, simulation.now()).context("keeping what the sensors said")?;
         }
         let has_scan = events.iter().any(|event| matches!(event, SensorEvent::Scan(_)));
+        events.iter().for_each(|event| watch(Watched::Event(event)));
         let seen = config.cpu_scope.now();
         mission.perceive(events);
         let now = simulation.now();
@@ -307,6 +329,7 @@ pub fn run(setup: Setup<'_>, stop: &Arc<AtomicBool>, report: &mut dyn FnMut(&Pro
             }
         }
         command = mission.cycle(now);
+        watch(Watched::Cycle(now_s, &mission));
         if has_scan {
             mission.journal.clock.book("scan to command", seen.elapsed());
         }
@@ -478,7 +501,7 @@ fn finish(
 }
 
 /// The same robot with its LiDAR standing upright and still: both sides must know.
-pub(crate) fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
+pub fn with_fixed_lidar(robot: &RobotModel) -> RobotModel {
     let mut fixed = robot.clone();
     fixed.sensors.lidar.rotation_hz = 0.0;
     fixed.sensors.lidar.tilt_rad = 0.0;

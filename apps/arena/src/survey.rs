@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, ensure};
 use mission::map_frame::MapFrame;
 use mission::odometer::with_poses;
-use mission::omni_perception::RawScan;
+use mission::omni_perception::{Equirectangular, MaskedPanorama, RawScan};
 use mission::robot_model::RobotModel;
 use mission::stage_clock::StageClock;
 use mission::stream::SensorEvent;
@@ -24,6 +24,8 @@ use crate::tour::Tour;
 pub enum Moment<'a> {
     /// A scan came in.
     Scan(&'a RawScan),
+    /// A segmented picture came in.
+    Picture(&'a MaskedPanorama),
     /// The robot's side has drawn its conclusions.
     Refreshed {
         /// They are in here.
@@ -43,6 +45,8 @@ pub struct Surveyed {
     pub points_on: BTreeMap<u32, u64>,
     /// How long it took.
     pub sim_s: f64,
+    /// What its pictures are like.
+    pub camera: Equirectangular,
 }
 
 /// A robot that ends farther than this from the end of its way was somewhere else.
@@ -82,8 +86,10 @@ pub fn survey(
             let command = pilot.command(now_s, STEP_NS as f64 * 1e-9, &simulation.true_pose());
             let command = MapFrame { map_from_odometry: simulation.true_from_believed() }.command_for_body(command);
             for event in simulation.advance(&command, STEP_NS, &mut clock)? {
-                if let SensorEvent::Scan(scan) = &event {
-                    observe(now_s, Moment::Scan(scan));
+                match &event {
+                    SensorEvent::Scan(scan) => observe(now_s, Moment::Scan(scan)),
+                    SensorEvent::Panorama(picture) => observe(now_s, Moment::Picture(picture)),
+                    _ => {}
                 }
                 for event in with_poses(&mut odometer, event, &mut clock) {
                     world.see(event, &mut clock);
@@ -102,7 +108,12 @@ pub fn survey(
             let left_m =
                 tour.way.last().map_or(0.0, |end| (simulation.true_pose().translation.vector.xy() - end.coords).norm());
             ensure!(left_m <= OFF_THE_WAY_M, "the robot did not follow its way: {left_m:.1} m from its end at the end");
-            return Ok(Surveyed { world, points_on: simulation.lidar_points_on().clone(), sim_s: now_s });
+            return Ok(Surveyed {
+                world,
+                points_on: simulation.lidar_points_on().clone(),
+                sim_s: now_s,
+                camera: simulation.camera(),
+            });
         }
     }
 }

@@ -81,8 +81,7 @@ pub fn run(options: &TokensOptions) -> Result<ExitCode> {
             }
         }
         let means: Vec<f64> = sums.iter().map(|sum| sum / count).collect();
-        let mut row =
-            json!({"objects": OBJECTS[number - 1], "n": count, "ours_episode": means[5], "reduction": 1.0 - means[4] / means[0]});
+        let mut row = json!({"objects": OBJECTS[number - 1], "n": count, "ours_episode": means[5], "reduction": 1.0 - means[4] / means[0]});
         // Of single questions, in pairs; the figure above is that of the means.
         row["paired_reduction"] = json!(paired_mean_95(&reductions));
         for (name, mean) in FORMATS.iter().zip(&means) {

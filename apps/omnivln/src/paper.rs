@@ -7,7 +7,10 @@ mod experiment;
 mod layout;
 mod mapping;
 mod navigation;
+mod strip;
+mod survey_pictures;
 mod tables;
+mod tier_pictures;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,7 +21,7 @@ use arena::whole_file::write_whole;
 use clap::Args;
 
 use experiment::{Experiments, command_line};
-use layout::{Section, page};
+use layout::{Section, command, page};
 
 /// Options of `paper`.
 #[derive(Debug, Args)]
@@ -116,6 +119,12 @@ impl Paper {
         command_line(args)
     }
 
+    /// The command, printed as under a figure, that draws one section alone.
+    fn own_command(&self, id: &str) -> String {
+        let args = words("paper --only").into_iter().chain([id.to_owned(), "--out".to_owned()]);
+        command(&command_line(&args.chain([self.out.display().to_string()]).collect::<Vec<_>>()))
+    }
+
     /// `--llm URL --model NAME`, if there is a model.
     fn model_words(&self) -> Vec<String> {
         self.model.clone()
@@ -153,12 +162,16 @@ fn cells(text: &str) -> Vec<String> {
 
 type Chapter = (&'static str, fn(&Paper) -> Result<Section>);
 
-const CHAPTERS: [Chapter; 12] = [
+const CHAPTERS: [Chapter; 16] = [
     ("descriptions", tables::descriptions),
     ("tokens", tables::tokens),
     ("datasets", tables::by_dataset),
     ("latency", tables::latency),
+    ("tiers", tier_pictures::section),
+    ("perception", survey_pictures::perception),
+    ("strip", strip::section),
     ("mounts", mapping::mounts),
+    ("maps", survey_pictures::maps),
     ("system", navigation::whole_system),
     ("sensing", navigation::sensing),
     ("prompts", navigation::prompts),
@@ -187,7 +200,8 @@ pub fn run(options: &PaperOptions) -> Result<ExitCode> {
     };
     let file = options.out.join("index.html");
     let (mut sections, mut missing) = (Vec::new(), 0);
-    let chapters = CHAPTERS.iter().filter(|(id, _)| options.only.is_empty() || options.only.iter().any(|name| name == id));
+    let chapters =
+        CHAPTERS.iter().filter(|(id, _)| options.only.is_empty() || options.only.iter().any(|name| name == id));
     for (id, chapter) in chapters {
         eprintln!("-- {id}");
         sections.push(chapter(&paper).unwrap_or_else(|error| {

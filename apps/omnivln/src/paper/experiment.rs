@@ -86,7 +86,11 @@ fn fingerprint(bytes: &[u8]) -> String {
 pub fn command_line(args: &[String]) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,=+".contains(c);
     let quoted = args.iter().map(|arg| {
-        if !arg.is_empty() && arg.chars().all(is_plain) { arg.clone() } else { format!("'{}'", arg.replace('\'', "'\\''")) }
+        if !arg.is_empty() && arg.chars().all(is_plain) {
+            arg.clone()
+        } else {
+            format!("'{}'", arg.replace('\'', "'\\''"))
+        }
     });
     std::iter::once("omnivln".to_owned()).chain(quoted).collect::<Vec<_>>().join(" ")
 }

@@ -111,10 +111,8 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
         cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect()
     };
     let head = cells("th", &mut head.iter().copied());
-    let rows: String = rows
-        .iter()
-        .map(|row| format!("<tr>{}</tr>", cells("td", &mut row.iter().map(String::as_str))))
-        .collect();
+    let rows: String =
+        rows.iter().map(|row| format!("<tr>{}</tr>", cells("td", &mut row.iter().map(String::as_str)))).collect();
     format!("<table><tr>{head}</tr>{rows}</table>")
 }
 

@@ -126,7 +126,10 @@ pub fn patrol(paper: &Paper) -> Result<Section> {
         vec!["collisions".into(), found.collisions.to_string()],
         vec!["odometry lost; begun anew".into(), format!("{:.1} s; {} times", found.lost_s, found.odometry_resets)],
         vec!["scan to command, CPU time".into(), format!("median {median:.1} ms, p99 {p99:.1} ms (bar 50 ms)")],
-        vec!["growth of memory in the second half".into(), found.growth_percent.map_or("-".into(), |percent| format!("{percent:.1} % (bar 5 %)"))],
+        vec![
+            "growth of memory in the second half".into(),
+            found.growth_percent.map_or("-".into(), |percent| format!("{percent:.1} % (bar 5 %)")),
+        ],
     ];
     let curve: Vec<(f64, f64)> =
         found.memory.iter().filter_map(|sample| Some((sample.sim_s, sample.rss_mib?))).collect();

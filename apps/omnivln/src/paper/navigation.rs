@@ -108,7 +108,10 @@ pub fn whole_system(paper: &Paper) -> Result<Section> {
                     paper: "-".into(),
                     ours: difference(&drop, 100.0, 1, " points"),
                     n,
-                    finding: Finding::at_least(-0.05, &Estimate { value: -drop.value, interval_95: [-drop.interval_95[1], -drop.interval_95[0]] }),
+                    finding: Finding::at_least(
+                        -0.05,
+                        &Estimate { value: -drop.value, interval_95: [-drop.interval_95[1], -drop.interval_95[0]] },
+                    ),
                     comparable: "The paper has one laboratory and one generator.",
                 });
             }
@@ -116,7 +119,10 @@ pub fn whole_system(paper: &Paper) -> Result<Section> {
             for run in all.iter().filter(|run| !run.success) {
                 failures.push_str(&format!(
                     "<li>{}</li>",
-                    arena::map_picture::escape(&format!("{robot}, {what}, {} (seed {}): \"{}\": {}", run.scene, run.seed, run.instruction, run.reason))
+                    arena::map_picture::escape(&format!(
+                        "{robot}, {what}, {} (seed {}): \"{}\": {}",
+                        run.scene, run.seed, run.instruction, run.reason
+                    ))
                 ));
             }
         }
@@ -236,7 +242,8 @@ fn with_negated(estimate: &Estimate) -> Estimate {
 
 /// The flat list against octants and tiers, while the robot drives.
 pub fn prompts(paper: &Paper) -> Result<Section> {
-    let mut section = Section { id: "prompts", title: "Octants and tiers or a flat list, while driving", ..Section::default() };
+    let mut section =
+        Section { id: "prompts", title: "Octants and tiers or a flat list, while driving", ..Section::default() };
     let arms_here = arms(paper, "ground", "octants", &[("flat list", "--prompt flat")])?;
     let pairs = paired("flat", &arms_here.runs[0], &arms_here.runs[1]);
     let n = arms_here.runs[0].len();
@@ -264,7 +271,8 @@ pub fn prompts(paper: &Paper) -> Result<Section> {
     if paper.has_model() {
         let mut found = Vec::new();
         for form in ["octant", "flat"] {
-            let mut args = words(&format!("bench nav --robot ground --scenes {} --seed 1 --prompt {form}", paper.sizes.arm));
+            let mut args =
+                words(&format!("bench nav --robot ground --scenes {} --seed 1 --prompt {form}", paper.sizes.arm));
             args.extend(paper.model_words());
             found.push(paper.experiments.result::<Nav>(&args)?.runs);
             section.body.push_str(&command(&paper.line(&args)));
@@ -362,10 +370,19 @@ pub fn instructions(paper: &Paper) -> Result<Section> {
             .iter()
             .map(|(kind, figures)| {
                 let spl = figures.spl.map_or("-".into(), |spl| format!("{spl:.2}"));
-                vec![kind.clone(), figures.n.to_string(), with_interval(&success((figures.right, figures.n)), 100.0, 1, " %"), spl]
+                vec![
+                    kind.clone(),
+                    figures.n.to_string(),
+                    with_interval(&success((figures.right, figures.n)), 100.0, 1, " %"),
+                    spl,
+                ]
             })
             .collect();
-        body.push_str(&format!("<h3>{robot}</h3>{}{}", table(&["kind", "n", "right", "SPL"], &rows), command(&paper.line(&args))));
+        body.push_str(&format!(
+            "<h3>{robot}</h3>{}{}",
+            table(&["kind", "n", "right", "SPL"], &rows),
+            command(&paper.line(&args))
+        ));
     }
     Ok(Section { id: "instructions", title: "Instructions by kind", body, claims: Vec::new() })
 }

@@ -94,8 +94,10 @@ pub fn descriptions(paper: &Paper) -> Result<Section> {
         "Share of things for which a description passes: a listener that knows the truth resolves it to that thing, and plain inequalities on the true \
          boxes agree. The robot speaks from its own map of laboratories that it has surveyed. The paper's rows are Table I. It reports one description of \
          either kind for each of 44 objects, judged by people; the flat row needs a language model to describe from a list, and is there with --llm only.",
-    ) + &table(&["", "n", "any (paper: overall)", "view-independent", "view-dependent", "lead to a wrong room"], &rows)
-        + &command(&paper.line(&args));
+    ) + &table(
+        &["", "n", "any (paper: overall)", "view-independent", "view-dependent", "lead to a wrong room"],
+        &rows,
+    ) + &command(&paper.line(&args));
     Ok(Section { id: "descriptions", title: "Table I: descriptions of things", body, claims })
 }
 
@@ -131,7 +133,8 @@ pub fn tokens(paper: &Paper) -> Result<Section> {
     let line = |name: &str, values: &mut dyn Iterator<Item = String>| -> Vec<String> {
         std::iter::once(name.to_owned()).chain(values).collect()
     };
-    let ours = |name: &str, of: &dyn Fn(&TokenRow) -> f64| line(name, &mut rows.iter().map(|row| format!("{:.1}", of(row))));
+    let ours =
+        |name: &str, of: &dyn Fn(&TokenRow) -> f64| line(name, &mut rows.iter().map(|row| format!("{:.1}", of(row))));
     let mut head = vec![""];
     head.extend(DATASETS);
     let lines = vec![
@@ -155,7 +158,12 @@ pub fn tokens(paper: &Paper) -> Result<Section> {
     let claims = vec![Claim {
         claim: "Octants and tiers cost fewer tokens than a flat list (D9)".into(),
         paper: "-69.98 %, the abstract says up to -61.7 %".into(),
-        ours: with_interval(&Estimate { value: -last.value, interval_95: [-last.interval_95[1], -last.interval_95[0]] }, 100.0, 1, " %"),
+        ours: with_interval(
+            &Estimate { value: -last.value, interval_95: [-last.interval_95[1], -last.interval_95[0]] },
+            100.0,
+            1,
+            " %",
+        ),
         n: rows[8].n as usize,
         finding: Finding::positive(last),
         comparable: "The scenes follow the paper's description, its captions are not known; tokens are estimated without a vocabulary unless bench tokens is given one.",
@@ -206,7 +214,10 @@ pub fn by_dataset(paper: &Paper) -> Result<Section> {
     let mut lines = vec![
         line("paper, flat list, %", &mut FLAT.iter().map(|text| (*text).to_owned())),
         line("paper, hierarchical, %", &mut OURS.iter().map(|text| (*text).to_owned())),
-        line("reader of the flat list", &mut rows.iter().map(|row| with_interval(&share(row.flat, row.n), 100.0, 0, ""))),
+        line(
+            "reader of the flat list",
+            &mut rows.iter().map(|row| with_interval(&share(row.flat, row.n), 100.0, 0, "")),
+        ),
         line("reader of our prompt", &mut rows.iter().map(|row| with_interval(&share(row.ours, row.n), 100.0, 0, ""))),
         line("questions", &mut rows.iter().map(|row| row.n.to_string())),
     ];
@@ -332,8 +343,10 @@ pub fn latency(paper: &Paper) -> Result<Section> {
     let body = paragraph(&format!(
         "Time of a decision, from the scene graph to an action that the critic accepts. {who} The paper: 12.4 s with the flat list, 3.8 s with its prompt, \
          and geometry in less than 10 ms; times on a clock differ from run to run."
-    )) + &table(&["", "n", "prompt tokens", "build, p50", "decision, p50", "decision, p95", "accepted", "right"], &rows)
-        + &command(&paper.line(&args));
+    )) + &table(
+        &["", "n", "prompt tokens", "build, p50", "decision, p50", "decision, p95", "accepted", "right"],
+        &rows,
+    ) + &command(&paper.line(&args));
     let claims = vec![Claim {
         claim: "The geometry behind a prompt takes less than 10 ms".into(),
         paper: "< 10 ms".into(),
