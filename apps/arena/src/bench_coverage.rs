@@ -166,7 +166,7 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Surve
     let floor_z_m = referee.floor().floor_z_m;
     let surveyed = survey(config, robot, &scene, &start, &tour, floor_z_m, seed, &mut |now_s, moment| match moment {
         Moment::Scan(scan) => directions.see(scan),
-        Moment::Picture(_) => {}
+        Moment::Picture { .. } => {}
         Moment::Refreshed { world, truth_from_map: frame, .. } => {
             truth_from_map = frame;
             for (truth, known) in

@@ -25,7 +25,12 @@ pub enum Moment<'a> {
     /// A scan came in.
     Scan(&'a RawScan),
     /// A segmented picture came in.
-    Picture(&'a MaskedPanorama),
+    Picture {
+        /// The picture.
+        picture: &'a MaskedPanorama,
+        /// Where the robot believes to be in its map; none before its odometry runs.
+        map_from_body: Option<Isometry3<f64>>,
+    },
     /// The robot's side has drawn its conclusions.
     Refreshed {
         /// They are in here.
@@ -88,7 +93,10 @@ pub fn survey(
             for event in simulation.advance(&command, STEP_NS, &mut clock)? {
                 match &event {
                     SensorEvent::Scan(scan) => observe(now_s, Moment::Scan(scan)),
-                    SensorEvent::Panorama(picture) => observe(now_s, Moment::Picture(picture)),
+                    SensorEvent::Panorama(picture) => {
+                        let map_from_body = world.odometry.as_ref().map(|odometry| odometry.world_from_body);
+                        observe(now_s, Moment::Picture { picture, map_from_body });
+                    }
                     _ => {}
                 }
                 for event in with_poses(&mut odometer, event, &mut clock) {

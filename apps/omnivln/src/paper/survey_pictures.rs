@@ -36,17 +36,18 @@ fn look(robot: &RobotModel, scene: &Scene, seed: u64) -> Result<Look> {
     let tour = Tour::plan(referee.floor(), &scene.building, radius_m, &start.translation.vector.xy().into())
         .context("this robot fits nowhere in the building")?;
     let floor_z_m = referee.floor().floor_z_m;
-    let (mut path, mut last, mut best, mut most) = (Vec::new(), None, None, 0);
+    let (mut path, mut best, mut most) = (Vec::new(), None, 0);
     let surveyed = survey(&config, robot, scene, &start, &tour, floor_z_m, seed, &mut |_, moment| match moment {
         Moment::Scan(_) => {}
-        Moment::Picture(picture) => last = Some(picture.clone()),
+        Moment::Picture { picture, map_from_body } => {
+            if let Some(map_from_body) = map_from_body.filter(|_| picture.masks.len() > most) {
+                most = picture.masks.len();
+                best = Some((picture.clone(), map_from_body * robot.sensors.body_from_camera));
+            }
+        }
         Moment::Refreshed { world, .. } => {
             let Some(odometry) = &world.odometry else { return };
             path.push(odometry.world_from_body.translation.vector.xy().into());
-            if let Some(picture) = last.take().filter(|picture: &MaskedPanorama| picture.masks.len() > most) {
-                most = picture.masks.len();
-                best = Some((picture, odometry.world_from_body * robot.sensors.body_from_camera));
-            }
         }
     })?;
     let camera = surveyed.camera;
@@ -96,6 +97,8 @@ fn panorama_html(picture: &MaskedPanorama) -> String {
 
 /// The surface of the map in the colours of its labels, as a camera at this pose would see it, with names and ids of the things in it.
 fn cloud_html(world: &WorldModel, map_from_camera: &Isometry3<f64>, camera: &Equirectangular) -> String {
+    /// Of the map, and a bit more, that surfaces have no holes.
+    const HALF_VOXEL_M: f64 = 0.03;
     let (width, height) = (camera.width_px, camera.height_px);
     let mut depth = vec![f64::INFINITY; (width * height) as usize];
     let mut image = RgbImage { width, height, rgb: vec![24; 3 * (width * height) as usize] };
@@ -106,10 +109,12 @@ fn cloud_html(world: &WorldModel, map_from_camera: &Isometry3<f64>, camera: &Equ
         let name = names.get(label).map_or("", String::as_str);
         let [r, g, b] = if name.is_empty() || is_hull(name) { [150, 150, 155] } else { color_of(name) };
         let shade = (1.15 - 0.07 * distance_m).clamp(0.35, 1.0);
-        // A point is as large as its voxel looks.
-        let reach = (0.03 / distance_m.max(0.1) * f64::from(width) / std::f64::consts::TAU).ceil().min(6.0) as i64;
-        for dv in -reach..=reach {
-            for du in -reach..=reach {
+        // A point is as large as its voxel looks; off the horizon a picture of this kind is stretched.
+        let pixels = HALF_VOXEL_M / distance_m.max(0.1) * f64::from(width) / std::f64::consts::TAU;
+        let cosine = (in_camera.coords.xy().norm() / distance_m.max(1e-9)).max(0.1);
+        let [reach_u, reach_v] = [pixels / cosine, pixels].map(|pixels| pixels.ceil().min(60.0) as i64);
+        for dv in -reach_v..=reach_v {
+            for du in -reach_u..=reach_u {
                 let (u, v) = ((pixel.u as i64 + du).rem_euclid(i64::from(width)), pixel.v as i64 + dv);
                 if !(0..i64::from(height)).contains(&v) {
                     continue;
