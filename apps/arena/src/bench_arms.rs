@@ -162,7 +162,10 @@ mod tests {
         let other = [run(true, 150, Some(3.0)), run(false, 950, None), run(false, 100, Some(1.0))];
         let found = paired("b", &first, &other);
         // Tokens differ by 50 in every run, however much the runs differ.
-        assert_eq!((found.tokens.value, found.tokens.interval_95), (50.0, [50.0, 50.0]));
+        assert_eq!(found.tokens.value, 50.0);
+        let twice = [first.clone(), first.clone()].concat();
+        let others = [other.clone(), other.clone()].concat();
+        assert_eq!(paired("b", &twice, &others).tokens.interval_95, [50.0, 50.0]);
         assert!((found.success.value + 1.0 / 3.0).abs() < 1e-12);
         assert_eq!(found.first_sighting_s.value, 2.0);
         assert_eq!(Figures::of(&other).first_sighting_s, Some(2.0));

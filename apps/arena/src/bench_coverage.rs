@@ -19,11 +19,11 @@ use omni_sim::lidar::RotatingMount;
 use serde::Serialize;
 
 use crate::progress::ProgressView;
-use crate::referee::Referee;
 use crate::run::{RunConfig, with_fixed_lidar};
-use crate::scenario::{Scene, draw_start, robot_truth};
+use crate::scenario::Scene;
 use crate::survey::{Moment, survey};
 use crate::tour::Tour;
+use crate::toured_scene::tour_of;
 use crate::workers::on_each_core;
 
 /// Figures of one survey.
@@ -154,16 +154,11 @@ struct Survey {
 
 fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Survey> {
     let scene = Scene::drawn(seed, robot)?;
-    let body = robot_truth(robot, config.mission.flight_height_m);
-    let radius_m = body.radius_m;
-    let referee = Referee::new(&scene.building, &scene.world, body, 0);
-    let start = draw_start(&referee, robot, seed)?;
-    let tour = Tour::plan(referee.floor(), &scene.building, radius_m, &start.translation.vector.xy().into())
-        .context("this robot fits nowhere in the building")?;
+    let (start, tour) = tour_of(&scene, robot, config, seed).context("this robot fits nowhere in the building")?;
     let mut directions = Directions::new(robot);
     let mut first_known: Vec<Option<f64>> = vec![None; scene.building.objects.len()];
     let mut truth_from_map = Isometry3::identity();
-    let floor_z_m = referee.floor().floor_z_m;
+    let floor_z_m = start.translation.vector.z - robot.stance_height_m;
     let surveyed = survey(config, robot, &scene, &start, &tour, floor_z_m, seed, &mut |now_s, moment| match moment {
         Moment::Scan(scan) => directions.see(scan),
         Moment::Picture { .. } => {}
@@ -179,7 +174,7 @@ fn one_survey(robot: &RobotModel, seed: u64, config: &RunConfig) -> Result<Surve
     let world = surveyed.world;
     let score = Score::of(&scene.building.objects, &world.graph, &truth_from_map);
     let eye_m = robot.stance_height_m + robot.sensors.body_from_lidar_stator.translation.vector.z;
-    let surface = visible_surface(&scene, &tour, referee.floor().floor_z_m + eye_m);
+    let surface = visible_surface(&scene, &tour, floor_z_m + eye_m);
     let coverage = Coverage {
         precision: score.right / score.known.max(1.0),
         recall: score.right / score.there.max(1.0),

@@ -9,6 +9,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use crate::options::Pose;
 
 /// The true start pose for `--known DIR --start`: the run that made the map says where its frame was in the building.
+///
+/// # Errors
+/// As [`frame_of`].
 pub fn start_in_known_map(known: &Path, pose: &Pose, robot: &RobotModel) -> Result<Isometry3<f64>> {
     let frame = frame_of(known)?;
     let mut start = frame.truth_from_map() * pose_in_map(pose);

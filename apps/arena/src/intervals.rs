@@ -17,6 +17,12 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// The same difference seen from the other side.
+    pub fn negated(&self) -> Estimate {
+        let [low, high] = self.interval_95;
+        Estimate { value: -self.value, interval_95: [-high, -low] }
+    }
+
     /// Whether the interval leaves out zero.
     pub fn is_clear(&self) -> bool {
         self.interval_95[0] > 0.0 || self.interval_95[1] < 0.0
@@ -74,19 +80,22 @@ pub fn shares_95((right_1, n_1): (usize, usize), (right_2, n_2): (usize, usize))
     Estimate { value, interval_95: [value - (p2 - l2).hypot(u1 - p1), value + (u2 - p2).hypot(p1 - l1)] }
 }
 
-/// The mean of differences, with the interval between the percentiles of 4000 seeded bootstrap samples.
+/// The mean of differences, or of anything else, with the interval between the percentiles of 4000 seeded bootstrap samples. Of fewer than six it has no bounds: even
+/// if all agree in sign, chance does that once in sixteen times with five.
 pub fn paired_mean_95(differences: &[f64]) -> Estimate {
     const SAMPLES: usize = 4000;
+    const FEWEST: usize = 6;
     let n = differences.len();
-    if n == 0 {
-        return Estimate { value: 0.0, interval_95: [f64::NEG_INFINITY, f64::INFINITY] };
+    let value = differences.iter().sum::<f64>() / n.max(1) as f64;
+    if n < FEWEST {
+        return Estimate { value, interval_95: [f64::NEG_INFINITY, f64::INFINITY] };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0x626F_6F74);
     let mut means: Vec<f64> =
         (0..SAMPLES).map(|_| (0..n).map(|_| differences[rng.random_range(0..n)]).sum::<f64>() / n as f64).collect();
     means.sort_by(f64::total_cmp);
     let at = |share: f64| means[((SAMPLES - 1) as f64 * share).round() as usize];
-    Estimate { value: differences.iter().sum::<f64>() / n as f64, interval_95: [at(0.025), at(0.975)] }
+    Estimate { value, interval_95: [at(0.025), at(0.975)] }
 }
 
 #[cfg(test)]
@@ -100,6 +109,12 @@ mod tests {
         assert!(near(wilson_95(81, 263), [0.2553, 0.3662]));
         assert!(near(wilson_95(0, 20), [0.0, 0.1611]));
         assert_eq!(wilson_95(0, 0), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn five_that_agree_show_nothing_and_six_do() {
+        assert!(!paired_mean_95(&[1.0; 5]).is_clear());
+        assert!(paired_mean_95(&[1.0; 6]).is_clear());
     }
 
     #[test]

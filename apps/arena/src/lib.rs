@@ -26,6 +26,7 @@ pub mod lab_survey;
 pub mod legs;
 pub mod map_picture;
 pub mod map_score;
+pub mod name_color;
 pub mod options;
 pub mod orders;
 pub mod patrol;

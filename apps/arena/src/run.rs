@@ -329,10 +329,10 @@ pub fn run_watched(
             }
         }
         command = mission.cycle(now);
-        watch(Watched::Cycle(now_s, &mission));
         if has_scan {
             mission.journal.clock.book("scan to command", seen.elapsed());
         }
+        watch(Watched::Cycle(now_s, &mission));
         if let Some(estimate) = mission.odometry() {
             simulation.hear(estimate);
         }

@@ -26,6 +26,7 @@ use rerun::{
     Transform3D, ViewCoordinates, entity_path,
 };
 
+use crate::name_color::name_color;
 use crate::run::{Posture, RunResult};
 use crate::scenario::Scene;
 
@@ -162,16 +163,9 @@ fn only_used(faces: &[[u32; 3]], vertices: usize) -> (Vec<usize>, Vec<[u32; 3]>)
     (used, faces)
 }
 
-/// A colour that is the same for a name in every run: its hash chooses the hue.
 fn color_of(name: &str) -> Color {
-    // FNV-1a
-    let hash = name.bytes().fold(0x811C_9DC5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
-    let hue = 6.0 * f64::from(hash >> 8) / f64::from(1_u32 << 24);
-    let channel = |shift: f64| {
-        let ramp = ((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0;
-        (90.0 + 140.0 * ramp.clamp(0.0, 1.0)) as u8
-    };
-    Color::from_rgb(channel(0.0), channel(4.0), channel(2.0))
+    let [r, g, b] = name_color(name);
+    Color::from_rgb(r, g, b)
 }
 
 /// Objects as boxes in their own colours; those that the instruction names have thicker edges and orange names.

@@ -46,23 +46,25 @@ pub struct Page<'a> {
     pub rest: String,
 }
 
+/// A table of text: heads of the columns, and rows.
+pub fn text_table(head: &[&str], rows: &[Vec<String>]) -> String {
+    let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
+        let cells: String = cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+        format!("<tr>{cells}</tr>")
+    };
+    let head = line("th", &mut head.iter().copied());
+    let rows: String = rows.iter().map(|row| line("td", &mut row.iter().map(String::as_str))).collect();
+    format!("<table>{head}{rows}</table>")
+}
+
 /// A table: heads of the columns, and name and cells of each row with this many decimals.
 pub fn table(columns: &[String], rows: &[(String, Vec<Option<f64>>)], decimals: usize) -> String {
     let cell = |value: &Option<f64>| value.map_or_else(String::new, |value| format!("{value:.decimals$}"));
-    let mut table = String::from("<table><tr>");
-    for column in columns {
-        table.push_str(&format!("<th>{}</th>", escape(column)));
-    }
-    table.push_str("</tr>");
-    for (name, cells) in rows {
-        table.push_str(&format!("<tr><td>{}</td>", escape(name)));
-        for value in cells {
-            table.push_str(&format!("<td>{}</td>", cell(value)));
-        }
-        table.push_str("</tr>");
-    }
-    table.push_str("</table>");
-    table
+    let row = |(name, cells): &(String, Vec<Option<f64>>)| -> Vec<String> {
+        std::iter::once(name.clone()).chain(cells.iter().map(cell)).collect()
+    };
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    text_table(&columns, &rows.iter().map(row).collect::<Vec<_>>())
 }
 
 impl Page<'_> {

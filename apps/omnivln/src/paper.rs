@@ -20,7 +20,7 @@ use arena::map_picture::escape;
 use arena::whole_file::write_whole;
 use clap::Args;
 
-use experiment::{Experiments, command_line};
+use experiment::Experiments;
 use layout::{Section, command, page};
 
 /// Options of `paper`.
@@ -54,6 +54,7 @@ pub struct Paper {
     pub sizes: Sizes,
     /// Runs commands.
     experiments: Experiments,
+    /// `--llm URL --model NAME`, if there is a model.
     model: Vec<String>,
     plans: Vec<PathBuf>,
 }
@@ -100,34 +101,24 @@ impl Sizes {
     /// What a quarter of an hour is enough for.
     fn quick() -> Sizes {
         Sizes {
-            nav: vec![4],
+            nav: vec![2],
             known: vec![1],
             arm: 2,
             seeds: 3,
             labs: 1,
-            coverage: 2,
+            coverage: 1,
             decisions: 27,
-            every_instruction: 9,
-            patrol_hours: 0.05,
+            every_instruction: 15,
+            patrol_hours: 0.02,
         }
     }
 }
 
 impl Paper {
-    /// The command as it is printed.
-    fn line(&self, args: &[String]) -> String {
-        command_line(args)
-    }
-
     /// The command, printed as under a figure, that draws one section alone.
     fn own_command(&self, id: &str) -> String {
         let args = words("paper --only").into_iter().chain([id.to_owned(), "--out".to_owned()]);
-        command(&command_line(&args.chain([self.out.display().to_string()]).collect::<Vec<_>>()))
-    }
-
-    /// `--llm URL --model NAME`, if there is a model.
-    fn model_words(&self) -> Vec<String> {
-        self.model.clone()
+        command(&args.chain([self.out.display().to_string()]).collect::<Vec<_>>())
     }
 
     fn has_model(&self) -> bool {
@@ -153,11 +144,6 @@ impl Paper {
 /// A text cut at its spaces.
 fn words(text: &str) -> Vec<String> {
     text.split_whitespace().map(str::to_owned).collect()
-}
-
-/// A text cut at its bars.
-fn cells(text: &str) -> Vec<String> {
-    text.split('|').map(str::to_owned).collect()
 }
 
 type Chapter = (&'static str, fn(&Paper) -> Result<Section>);

@@ -3,6 +3,9 @@
 use arena::intervals::Estimate;
 use arena::map_picture::escape;
 
+use super::experiment::command_line;
+pub use crate::bench_page::text_table as table;
+
 /// A part of the page.
 #[derive(Debug, Default)]
 pub struct Section {
@@ -91,12 +94,17 @@ pub fn with_interval(estimate: &Estimate, factor: f64, decimals: usize, unit: &s
 
 /// The same of a difference: signs are always said.
 pub fn difference(estimate: &Estimate, factor: f64, decimals: usize, unit: &str) -> String {
+    // Nothing is never negative.
+    let signed = |value: f64| {
+        let text = format!("{value:+.decimals$}");
+        if text.trim_start_matches(['-', '+', '0', '.']).is_empty() { text.replace('-', "+") } else { text }
+    };
     let [low, high] = estimate.interval_95.map(|end| factor * end);
-    let value = factor * estimate.value;
+    let value = signed(factor * estimate.value);
     if low.is_finite() && high.is_finite() {
-        format!("{value:+.decimals$}{unit} ({low:+.decimals$} to {high:+.decimals$})")
+        format!("{value}{unit} ({} to {})", signed(low), signed(high))
     } else {
-        "no pairs".into()
+        format!("{value}{unit} (too few for an interval)")
     }
 }
 
@@ -105,20 +113,9 @@ pub fn paragraph(text: &str) -> String {
     format!("<p>{}</p>", escape(text))
 }
 
-/// A table of text: the first column names the rows.
-pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
-    let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
-        cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect()
-    };
-    let head = cells("th", &mut head.iter().copied());
-    let rows: String =
-        rows.iter().map(|row| format!("<tr>{}</tr>", cells("td", &mut row.iter().map(String::as_str)))).collect();
-    format!("<table><tr>{head}</tr>{rows}</table>")
-}
-
 /// The command that makes a figure, as it is printed under it.
-pub fn command(line: &str) -> String {
-    format!("<p class=\"command\"><code>{}</code></p>", escape(line))
+pub fn command(args: &[String]) -> String {
+    format!("<p class=\"command\"><code>{}</code></p>", escape(&command_line(args)))
 }
 
 /// The whole page.
@@ -187,6 +184,14 @@ mod tests {
     }
 
     #[test]
+    fn differences_have_a_sign_and_no_difference_is_not_negative() {
+        let none = Estimate { value: -0.0, interval_95: [-0.04, 0.2] };
+        assert_eq!(difference(&none, 1.0, 1, " s"), "+0.0 s (+0.0 to +0.2)");
+        let few = Estimate { value: -2.0, interval_95: [f64::NEG_INFINITY, f64::INFINITY] };
+        assert_eq!(difference(&few, 1.0, 0, ""), "-2 (too few for an interval)");
+    }
+
+    #[test]
     fn a_page_fetches_nothing_and_names_are_harmless() {
         let claim = Claim {
             claim: "a<b".into(),
@@ -196,7 +201,7 @@ mod tests {
             finding: Finding::Open,
             comparable: "all",
         };
-        let body = table(&["<i>", "x"], &[vec!["r".into(), "1".into()]]) + &command("omnivln bench \"x\"");
+        let body = table(&["<i>", "x"], &[vec!["r".into(), "1".into()]]) + &command(&["a b".to_owned()]);
         let section = Section { id: "one", title: "One", body, claims: vec![claim] };
         let page = page(true, &[section]);
         assert!(page.contains("a&lt;b") && page.contains("&lt;i&gt;") && page.contains("quick version"));

@@ -2,8 +2,9 @@
 
 use anyhow::Result;
 use arena::bench_arms::{Figures, paired};
+use arena::buildings::ENDINGS;
 use arena::instructions::{SAMPLE_ANSWERS, SAMPLE_INSTRUCTIONS, by_kind};
-use arena::intervals::{Estimate, shares_95, wilson_95};
+use arena::intervals::{Estimate, paired_mean_95, shares_95, wilson_95};
 use arena::summary::Summary;
 use arena::whole_file::write_whole;
 use serde::Deserialize;
@@ -33,14 +34,14 @@ fn pool(paper: &Paper, robot: &str, numbers: &[usize], more: &str) -> Result<Poo
         args.extend(paper.buildings(at));
         let found: Nav = paper.experiments.result(&args)?;
         all.runs.extend(found.runs);
-        all.commands.push_str(&command(&paper.line(&args)));
+        all.commands.push_str(&command(&args));
     }
     Ok(all)
 }
 
 /// Whether the walls of the building are not of our generator.
 fn is_from_elsewhere(run: &Summary) -> bool {
-    [".png", ".obj", ".gltf", ".glb"].iter().any(|ending| run.scene.contains(ending))
+    ENDINGS.iter().any(|ending| run.scene.contains(&format!(".{ending}")))
 }
 
 fn counted(runs: &[&Summary]) -> (usize, usize) {
@@ -51,8 +52,8 @@ fn success((right, n): (usize, usize)) -> Estimate {
     Estimate { value: right as f64 / n.max(1) as f64, interval_95: wilson_95(right, n) }
 }
 
-fn mean_spl(runs: &[&Summary]) -> f64 {
-    runs.iter().map(|run| run.spl).sum::<f64>() / runs.len().max(1) as f64
+fn mean_spl(runs: &[&Summary]) -> Estimate {
+    paired_mean_95(&runs.iter().map(|run| run.spl).collect::<Vec<_>>())
 }
 
 /// The whole system in buildings that it has never seen, and in those that it has surveyed.
@@ -78,7 +79,7 @@ pub fn whole_system(paper: &Paper) -> Result<Section> {
                     format!("{robot}, {what}: {name}"),
                     count.1.to_string(),
                     with_interval(&success(count), 100.0, 1, " %"),
-                    format!("{:.3}", mean_spl(runs)),
+                    with_interval(&mean_spl(runs), 1.0, 3, ""),
                     runs.iter().map(|run| run.collisions).sum::<usize>().to_string(),
                     format!("{:.0}", runs.iter().map(|run| run.sim_s).sum::<f64>() / runs.len() as f64),
                 ]);
@@ -96,9 +97,9 @@ pub fn whole_system(paper: &Paper) -> Result<Section> {
             section.claims.push(Claim {
                 claim: format!("... by short ways: SPL of at least {spl_bar} (our bar)"),
                 paper: "-".into(),
-                ours: format!("{spl:.3}"),
+                ours: with_interval(&spl, 1.0, 3, ""),
                 n,
-                finding: if spl >= spl_bar { Finding::Shown } else { Finding::Refuted },
+                finding: Finding::at_least(spl_bar, &spl),
                 comparable: "The paper reports no SPL.",
             });
             if !elsewhere.is_empty() && !ours.is_empty() {
@@ -108,10 +109,7 @@ pub fn whole_system(paper: &Paper) -> Result<Section> {
                     paper: "-".into(),
                     ours: difference(&drop, 100.0, 1, " points"),
                     n,
-                    finding: Finding::at_least(
-                        -0.05,
-                        &Estimate { value: -drop.value, interval_95: [-drop.interval_95[1], -drop.interval_95[0]] },
-                    ),
+                    finding: Finding::at_least(-0.05, &drop.negated()),
                     comparable: "The paper has one laboratory and one generator.",
                 });
             }
@@ -163,7 +161,7 @@ fn arms(paper: &Paper, robot: &str, base: &'static str, others: &[ArmWords]) -> 
         let nav: Nav = paper.experiments.result(&args)?;
         found.names.push(name);
         found.runs.push(nav.runs);
-        found.commands.push_str(&command(&paper.line(&args)));
+        found.commands.push_str(&command(&args));
     }
     let mut rows = Vec::new();
     for (name, runs) in found.names.iter().zip(&found.runs) {
@@ -216,7 +214,7 @@ pub fn sensing(paper: &Paper) -> Result<Section> {
         let pairs = paired("narrow", &arms.runs[0], &arms.runs[1]);
         let n = arms.runs[0].len();
         let claims = [
-            ("succeeds more often", with_negated(&pairs.success), 100.0, 1, " points"),
+            ("succeeds more often", pairs.success.negated(), 100.0, 1, " points"),
             ("turns less on the spot", pairs.turned_in_place_rad, 1.0, 1, " rad saved"),
             ("sees a right thing earlier", pairs.first_sighting_s, 1.0, 1, " s saved"),
         ];
@@ -235,11 +233,6 @@ pub fn sensing(paper: &Paper) -> Result<Section> {
     Ok(section)
 }
 
-fn with_negated(estimate: &Estimate) -> Estimate {
-    let [low, high] = estimate.interval_95;
-    Estimate { value: -estimate.value, interval_95: [-high, -low] }
-}
-
 /// The flat list against octants and tiers, while the robot drives.
 pub fn prompts(paper: &Paper) -> Result<Section> {
     let mut section =
@@ -250,7 +243,7 @@ pub fn prompts(paper: &Paper) -> Result<Section> {
     section.claims.push(Claim {
         claim: "Octants save tokens of a whole drive".into(),
         paper: "-44.6 % in the mean of Table II".into(),
-        ours: difference(&with_negated(&pairs.tokens), 1.0, 0, " tokens"),
+        ours: difference(&pairs.tokens.negated(), 1.0, 0, " tokens"),
         n,
         finding: Finding::positive(&pairs.tokens),
         comparable: "The paper counts single questions on drawn scenes.",
@@ -258,9 +251,9 @@ pub fn prompts(paper: &Paper) -> Result<Section> {
     section.claims.push(Claim {
         claim: "... and lose no success (at most 5 points)".into(),
         paper: "+11.68 % at best (abstract)".into(),
-        ours: difference(&with_negated(&pairs.success), 100.0, 1, " points"),
+        ours: difference(&pairs.success.negated(), 100.0, 1, " points"),
         n,
-        finding: Finding::at_least(-0.05, &with_negated(&pairs.success)),
+        finding: Finding::at_least(-0.05, &pairs.success.negated()),
         comparable: "Equal by construction: the embedded reasoner reads the scene graph and not the text.",
     });
     section.body = paragraph(
@@ -273,9 +266,9 @@ pub fn prompts(paper: &Paper) -> Result<Section> {
         for form in ["octant", "flat"] {
             let mut args =
                 words(&format!("bench nav --robot ground --scenes {} --seed 1 --prompt {form}", paper.sizes.arm));
-            args.extend(paper.model_words());
+            args.extend(paper.model.iter().cloned());
             found.push(paper.experiments.result::<Nav>(&args)?.runs);
-            section.body.push_str(&command(&paper.line(&args)));
+            section.body.push_str(&command(&args));
         }
         let pairs = paired("octant", &found[1], &found[0]);
         section.claims.push(Claim {
@@ -351,13 +344,16 @@ pub fn far_away(paper: &Paper) -> Result<Section> {
 
 /// Sentences that our grammar did not draw.
 pub fn instructions(paper: &Paper) -> Result<Section> {
-    let [questions, answers] = ["instructions.jsonl", "answers.jsonl"].map(|name| paper.out.join("data").join(name));
-    for (path, text) in [(&questions, SAMPLE_INSTRUCTIONS), (&answers, SAMPLE_ANSWERS)] {
-        let lines: Vec<&str> = text.lines().step_by(paper.sizes.every_instruction).collect();
-        let lines = if path == &answers { text.lines().collect() } else { lines };
-        write_whole(path, |out| out.write_all((lines.join("\n") + "\n").as_bytes()))?;
-    }
-    let [questions, answers] = [questions, answers].map(|path| path.display().to_string());
+    // The name says how many, for what is kept of a command must not be of another file.
+    let every = paper.sizes.every_instruction;
+    let lines: Vec<&str> = SAMPLE_INSTRUCTIONS.lines().step_by(every).collect();
+    let file = |name: String, text: String| -> Result<String> {
+        let path = paper.out.join("data").join(name);
+        write_whole(&path, |out| out.write_all(text.as_bytes()))?;
+        Ok(path.display().to_string())
+    };
+    let questions = file(format!("instructions-{}.jsonl", lines.len()), lines.join("\n") + "\n")?;
+    let answers = file("answers.jsonl".into(), SAMPLE_ANSWERS.into())?;
     let mut body = paragraph(
         "Sentences with slips and other words, about things that are not there (the robot must say so), about one of several (it must ask, and is answered), and with \
          steps. They were written by the people who wrote the robot, so they show what it is built for and not what strangers would say; bench nav --instructions takes anybody's.",
@@ -378,11 +374,7 @@ pub fn instructions(paper: &Paper) -> Result<Section> {
                 ]
             })
             .collect();
-        body.push_str(&format!(
-            "<h3>{robot}</h3>{}{}",
-            table(&["kind", "n", "right", "SPL"], &rows),
-            command(&paper.line(&args))
-        ));
+        body.push_str(&format!("<h3>{robot}</h3>{}{}", table(&["kind", "n", "right", "SPL"], &rows), command(&args)));
     }
     Ok(Section { id: "instructions", title: "Instructions by kind", body, claims: Vec::new() })
 }

@@ -6,14 +6,16 @@ use std::fmt::Write;
 use anyhow::{Context, Result};
 use arena::map_picture::{MapDrawing, escape, map_svg, png_img};
 use arena::mission::dsg::SceneGraph;
+use arena::mission::octant_prompt::describe::is_hull;
 use arena::mission::omni_perception::{Equirectangular, MaskedPanorama, RgbImage};
 use arena::mission::robot_model::{RobotKind, RobotModel};
 use arena::mission::world_model::WorldModel;
-use arena::referee::Referee;
+use arena::name_color::name_color;
 use arena::run::{RunConfig, with_fixed_lidar};
-use arena::scenario::{Scene, draw_start, robot_truth};
+use arena::scenario::Scene;
 use arena::survey::{Moment, survey};
-use arena::tour::Tour;
+use arena::toured_scene::tour_of;
+use arena::workers::on_each_core;
 use nalgebra::{Isometry3, Point2, Point3};
 
 use super::layout::{Section, paragraph};
@@ -29,13 +31,8 @@ struct Look {
 
 fn look(robot: &RobotModel, scene: &Scene, seed: u64) -> Result<Look> {
     let config = RunConfig::default();
-    let body = robot_truth(robot, config.mission.flight_height_m);
-    let radius_m = body.radius_m;
-    let referee = Referee::new(&scene.building, &scene.world, body, 0);
-    let start = draw_start(&referee, robot, seed)?;
-    let tour = Tour::plan(referee.floor(), &scene.building, radius_m, &start.translation.vector.xy().into())
-        .context("this robot fits nowhere in the building")?;
-    let floor_z_m = referee.floor().floor_z_m;
+    let (start, tour) = tour_of(scene, robot, &config, seed).context("this robot fits nowhere in the building")?;
+    let floor_z_m = start.translation.vector.z - robot.stance_height_m;
     let (mut path, mut best, mut most) = (Vec::new(), None, 0);
     let surveyed = survey(&config, robot, scene, &start, &tour, floor_z_m, seed, &mut |_, moment| match moment {
         Moment::Scan(_) => {}
@@ -52,17 +49,6 @@ fn look(robot: &RobotModel, scene: &Scene, seed: u64) -> Result<Look> {
     })?;
     let camera = surveyed.camera;
     Ok(Look { world: surveyed.world, path, camera, picture: best })
-}
-
-/// The colour of a label, the same in every picture.
-fn color_of(label: &str) -> [u8; 3] {
-    let hash = label.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
-    let hue = f64::from(hash % 360) / 60.0;
-    let part = |shift: f64| {
-        let k = (shift + hue).rem_euclid(6.0);
-        (255.0 * (0.92 - 0.70 * k.min(4.0 - k).clamp(0.0, 1.0))) as u8
-    };
-    [part(5.0), part(3.0), part(1.0)]
 }
 
 /// The picture with the outlines and names of what the segmenter found.
@@ -82,7 +68,7 @@ fn panorama_html(picture: &MaskedPanorama) -> String {
             for column in left..=right.min(width - 1) {
                 if mask.rle.contains(column, row) && is_edge(column, row) {
                     let at = 3 * (row * width + column) as usize;
-                    image.rgb[at..at + 3].copy_from_slice(&color_of(&mask.label));
+                    image.rgb[at..at + 3].copy_from_slice(&name_color(&mask.label));
                 }
             }
         }
@@ -107,7 +93,7 @@ fn cloud_html(world: &WorldModel, map_from_camera: &Isometry3<f64>, camera: &Equ
         let in_camera = map_from_camera.inverse_transform_point(&vertex.cast());
         let (Some(pixel), distance_m) = (camera.project(&in_camera), in_camera.coords.norm()) else { continue };
         let name = names.get(label).map_or("", String::as_str);
-        let [r, g, b] = if name.is_empty() || is_hull(name) { [150, 150, 155] } else { color_of(name) };
+        let [r, g, b] = if name.is_empty() || is_hull(name) { [150, 150, 155] } else { name_color(name) };
         let shade = (1.15 - 0.07 * distance_m).clamp(0.35, 1.0);
         // A point is as large as its voxel looks; off the horizon a picture of this kind is stretched.
         let pixels = HALF_VOXEL_M / distance_m.max(0.1) * f64::from(width) / std::f64::consts::TAU;
@@ -130,10 +116,6 @@ fn cloud_html(world: &WorldModel, map_from_camera: &Isometry3<f64>, camera: &Equ
     }
     let labels = visible_names(&world.graph, map_from_camera, camera, &depth);
     labelled(image, labels)
-}
-
-fn is_hull(label: &str) -> bool {
-    ["wall", "floor", "ceiling", "door", "window"].contains(&label)
 }
 
 /// Names and ids of the things that nothing in the map hides: how near, column, row, text.
@@ -218,9 +200,11 @@ pub fn maps(paper: &super::Paper) -> Result<Section> {
         "The building of seed 1 after the same way, as the robot knows it. Faint boxes were seen too rarely to be believed.",
     );
     body.push_str("<div style=\"display:grid;grid-template-columns:1fr 1fr;gap:1rem\">");
-    for (name, robot) in [("rotating", &robot), ("fixed", &fixed)] {
-        eprintln!("   a survey with a {name} LiDAR, for pictures");
-        let Look { world, path, .. } = look(robot, &scene, 1)?;
+    eprintln!("   two surveys, for pictures");
+    let mounts = [("rotating", &robot), ("fixed", &fixed)];
+    let looks = on_each_core(mounts.len(), |at| look(mounts[at].1, &scene, 1))?;
+    for ((name, _), look) in mounts.into_iter().zip(looks) {
+        let Look { world, path, .. } = look?;
         let drawing = MapDrawing { rooms: world.rooms.as_ref(), path: &path, ..MapDrawing::default() };
         let _ = write!(
             body,

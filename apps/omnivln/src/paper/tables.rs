@@ -8,8 +8,10 @@ use arena::intervals::{Estimate, shares_95, wilson_95};
 use serde::Deserialize;
 
 use super::layout::{Claim, Finding, Section, command, difference, paragraph, table, with_interval};
-use super::{Paper, cells, words};
+use super::{Paper, words};
 use crate::bench_latency::PAPER_S;
+use crate::bench_reg as reg;
+use crate::bench_tiers as tiers;
 use crate::bench_tokens::{PAPER_FLAT, PAPER_OURS};
 
 const DATASETS: [&str; 9] = ["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8", "D9"];
@@ -48,21 +50,24 @@ fn percent(value: f64, n: usize) -> String {
 pub fn descriptions(paper: &Paper) -> Result<Section> {
     let mut args = words("bench reg --seed 1 --labs");
     args.push(paper.sizes.labs.to_string());
-    args.extend(paper.model_words());
+    args.extend(paper.model.iter().cloned());
     let found: Reg = paper.experiments.result(&args)?;
     let n = found.objects;
-    let mut rows = vec![
-        cells("paper, flat|44|77.27 %|86.36 %|68.18 %|-"),
-        cells("paper, hierarchical|44|93.18 %|95.45 %|90.91 %|-"),
-        vec![
-            "ours, by rules from the scene graph".into(),
-            n.to_string(),
-            percent(found.accepted, n),
-            percent(found.vi, n),
-            percent(found.vd, n),
-            found.cross_room_errors.to_string(),
-        ],
-    ];
+    let in_paper = |(name, percent): &(&str, [f64; 3])| -> Vec<String> {
+        let mut row = vec![(*name).to_owned(), "44".to_owned()];
+        row.extend(percent.map(|percent| format!("{percent:.2} %")));
+        row.push("-".into());
+        row
+    };
+    let mut rows: Vec<Vec<String>> = reg::PAPER.iter().map(in_paper).collect();
+    rows.extend([vec![
+        "ours, by rules from the scene graph".into(),
+        n.to_string(),
+        percent(found.accepted, n),
+        percent(found.vi, n),
+        percent(found.vd, n),
+        found.cross_room_errors.to_string(),
+    ]]);
     for (name, model) in [("model, scene graph", &found.llm_hierarchical), ("model, list alone", &found.llm_flat)] {
         if let Some(model) = model {
             let any = percent(model.accepted, model.objects);
@@ -97,7 +102,7 @@ pub fn descriptions(paper: &Paper) -> Result<Section> {
     ) + &table(
         &["", "n", "any (paper: overall)", "view-independent", "view-dependent", "lead to a wrong room"],
         &rows,
-    ) + &command(&paper.line(&args));
+    ) + &command(&args);
     Ok(Section { id: "descriptions", title: "Table I: descriptions of things", body, claims })
 }
 
@@ -144,7 +149,7 @@ pub fn tokens(paper: &Paper) -> Result<Section> {
         ours("here, flat list (JSON)", &|row| row.flat_json),
         ours("here, flat list in the body frame", &|row| row.flat_body),
         ours("here, ours", &|row| row.ours),
-        ours("here, ours without captions", &|row| row.caption_free),
+        ours("here, flat list without captions", &|row| row.caption_free),
         ours("here, a whole episode", &|row| row.ours_episode),
         line(
             "reduction of questions, %",
@@ -158,12 +163,7 @@ pub fn tokens(paper: &Paper) -> Result<Section> {
     let claims = vec![Claim {
         claim: "Octants and tiers cost fewer tokens than a flat list (D9)".into(),
         paper: "-69.98 %, the abstract says up to -61.7 %".into(),
-        ours: with_interval(
-            &Estimate { value: -last.value, interval_95: [-last.interval_95[1], -last.interval_95[0]] },
-            100.0,
-            1,
-            " %",
-        ),
+        ours: with_interval(&last.negated(), 100.0, 1, " %"),
         n: rows[8].n as usize,
         finding: Finding::positive(last),
         comparable: "The scenes follow the paper's description, its captions are not known; tokens are estimated without a vocabulary unless bench tokens is given one.",
@@ -177,13 +177,13 @@ pub fn tokens(paper: &Paper) -> Result<Section> {
     let body = paragraph(&format!(
         "Tokens of the prompt to \"go to the nearest ...\" on nine scenes drawn as the paper describes them. The 61.7 % of its abstract matches none of its \
          tables: the nine reductions of its Table II are those of the third row, at most {:.2} %, {mean:.1} % in the mean, and {overall:.1} % over the sums. Our \
-         prompt is also shorter because a flat list in JSON spends tokens on numbers and names of fields; the list in the body frame, \
-         without captions cut, shows how much of it is that. With the number of objects the prompt grows as its logarithm (R2 {:.3}).",
+         prompt is also shorter because a flat list in JSON spends tokens on numbers and names of fields; the other \
+         two lists show what the numbers and what the captions cost. With the number of objects the prompt grows as its logarithm (R2 {:.3}).",
         paper_reduction.iter().copied().fold(0.0, f64::max),
         found.growth_r2
     )) + &table(&head, &lines)
         + &bars("Tokens of a prompt", "tokens", &DATASETS, &series)
-        + &command(&paper.line(&args));
+        + &command(&args);
     Ok(Section { id: "tokens", title: "Table II: tokens", body, claims })
 }
 
@@ -203,17 +203,15 @@ pub fn by_dataset(paper: &Paper) -> Result<Section> {
         .iter()
         .map(|name| Ok(TierRow::deserialize(found.get(*name).unwrap_or(&serde_json::Value::Null))?))
         .collect::<Result<_>>()?;
-    // What the paper's text says about its figure: nothing about D7 and D8, nor about the flat list in D1 and D2.
-    const FLAT: [&str; 9] = ["-", "-", "80", "100", "100", "100", "-", "-", "16"];
-    const OURS: [&str; 9] = ["100", "100", "100", "100", "100", "100", "-", "-", "80"];
+    let said = |percent: &Option<f64>| percent.map_or("-".to_owned(), |percent| format!("{percent:.0}"));
     let mut head = vec![""];
     head.extend(DATASETS);
     let line = |name: &str, values: &mut dyn Iterator<Item = String>| -> Vec<String> {
         std::iter::once(name.to_owned()).chain(values).collect()
     };
     let mut lines = vec![
-        line("paper, flat list, %", &mut FLAT.iter().map(|text| (*text).to_owned())),
-        line("paper, hierarchical, %", &mut OURS.iter().map(|text| (*text).to_owned())),
+        line("paper, flat list, %", &mut tiers::PAPER_FLAT.iter().map(said)),
+        line("paper, hierarchical, %", &mut tiers::PAPER_OURS.iter().map(said)),
         line(
             "reader of the flat list",
             &mut rows.iter().map(|row| with_interval(&share(row.flat, row.n), 100.0, 0, "")),
@@ -221,7 +219,7 @@ pub fn by_dataset(paper: &Paper) -> Result<Section> {
         line("reader of our prompt", &mut rows.iter().map(|row| with_interval(&share(row.ours, row.n), 100.0, 0, ""))),
         line("questions", &mut rows.iter().map(|row| row.n.to_string())),
     ];
-    let mut commands = command(&paper.line(&args));
+    let mut commands = command(&args);
     let mut claims = Vec::new();
     let count = |of: &dyn Fn(&TierRow) -> f64| rows.iter().map(|row| right(of(row), row.n)).sum::<usize>();
     let n: usize = rows.iter().map(|row| row.n).sum();
@@ -256,7 +254,7 @@ pub fn by_dataset(paper: &Paper) -> Result<Section> {
             finding: Finding::positive(&gain),
             comparable: "Same kind of scenes and question, another model; one decision and not a whole drive.",
         });
-        commands.push_str(&command(&paper.line(&args)));
+        commands.push_str(&command(&args));
     }
     let body = paragraph(
         "Right answers to \"go to the nearest ...\" from the prompt alone. The readers make no mistake of their own: they show whether what is needed is in the text. \
@@ -300,7 +298,7 @@ struct Counted {
 fn latency_args(paper: &Paper) -> Vec<String> {
     let mut args = words("bench latency --decisions");
     args.push(paper.sizes.decisions.to_string());
-    args.extend(paper.model_words());
+    args.extend(paper.model.iter().cloned());
     args
 }
 
@@ -346,7 +344,7 @@ pub fn latency(paper: &Paper) -> Result<Section> {
     )) + &table(
         &["", "n", "prompt tokens", "build, p50", "decision, p50", "decision, p95", "accepted", "right"],
         &rows,
-    ) + &command(&paper.line(&args));
+    ) + &command(&args);
     let claims = vec![Claim {
         claim: "The geometry behind a prompt takes less than 10 ms".into(),
         paper: "< 10 ms".into(),
