@@ -229,7 +229,8 @@ impl Answers {
     }
 }
 
-/// Seventy-three sentences with slips, other words, false premises, things that need to be asked about, and steps; the format by example.
+/// Seventy-three sentences with slips, other words, false premises, things that need to be asked about, and steps; the format by example. The ids of
+/// targets in numbered scenes are those of the buildings that are drawn for the ground robot.
 pub const SAMPLE_INSTRUCTIONS: &str = include_str!("../tests/data/instructions.jsonl");
 /// What somebody answers to the questions that they raise.
 pub const SAMPLE_ANSWERS: &str = include_str!("../tests/data/answers.jsonl");

@@ -195,9 +195,9 @@ pub fn perception(paper: &super::Paper) -> Result<Section> {
 pub fn maps(paper: &super::Paper) -> Result<Section> {
     let robot = arena::cli::load_robot(None, RobotKind::Ground)?;
     let fixed = with_fixed_lidar(&robot);
-    let scene = Scene::drawn(1, &robot)?;
+    let scene = Scene::open("flat", &robot)?;
     let mut body = paragraph(
-        "The building of seed 1 after the same way, as the robot knows it. Faint boxes were seen too rarely to be believed.",
+        "The flat after the same way, as the robot knows it. Faint boxes were seen too rarely to be believed.",
     );
     body.push_str("<div style=\"display:grid;grid-template-columns:1fr 1fr;gap:1rem\">");
     eprintln!("   two surveys, for pictures");
