@@ -41,7 +41,7 @@ pub struct PaperOptions {
     /// Floor plans and scenes of others for every second building: files or folders, as of bench nav
     #[arg(long, value_name = "PATH", num_args = 1..)]
     plans: Vec<PathBuf>,
-    /// Only these sections
+    /// Only these sections, in a page named after them
     #[arg(long, value_name = "SECTION", value_delimiter = ',')]
     only: Vec<String>,
 }
@@ -184,7 +184,9 @@ pub fn run(options: &PaperOptions) -> Result<ExitCode> {
         model,
         plans: options.plans.clone(),
     };
-    let file = options.out.join("index.html");
+    // Some sections alone never take the place of the whole page.
+    let name = if options.only.is_empty() { "index".to_owned() } else { options.only.join("-") };
+    let file = options.out.join(format!("{name}.html"));
     let (mut sections, mut missing) = (Vec::new(), 0);
     let chapters =
         CHAPTERS.iter().filter(|(id, _)| options.only.is_empty() || options.only.iter().any(|name| name == id));
